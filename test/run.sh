@@ -1,11 +1,11 @@
 #!/bin/sh
-# Builds everything and runs all tests, each once: those that measure optimised code, execute programs or need real time
-# without sanitizers in build/, all others under AddressSanitizer and UndefinedBehaviorSanitizer in build-sanitized/, then
-# the tests with threads again under ThreadSanitizer in build-threads/. Stops at the first of these runs that fails. A test that
-# fails runs once more when all others have ended: a machine that others use too may keep a program of a test from the processor
-# for longer than the test waits. The last lines name such a test. A report of a sanitizer always fails the run.
+# Builds everything and runs all tests. In build/, without sanitizers: the tests that measure optimised code, execute programs or
+# need real time, and those of a whole segment. In build-sanitized/, under AddressSanitizer and UndefinedBehaviorSanitizer: all
+# tests that can run there. In build-threads/, under ThreadSanitizer: the tests with threads. Stops at the first of these runs that
+# fails. A test that fails runs once more when all others have ended: a machine that others use too may keep a program of a test
+# from the processor for longer than the test waits. The last lines name such a test. A report of a sanitizer always fails the run.
 #
-#   sh test/run.sh [--quick] [--no-skips] [ctest arguments …]
+#   sh test/run.sh [--quick] [--no-skips] [-R REGEX | another of -E -L -LE -I -N -V -VV of ctest] [-- options of ctest …]
 #
 #   --quick      all tests run in build/ only; leaves out the sanitizers (the fuzz harnesses too), clang, and the builds of
 #                all build types
@@ -19,13 +19,30 @@ cd "$(dirname "$0")/.."
 
 quick=no
 skips=yes
-while :; do
-    case ${1:-} in
+# ctest ignores words that it does not know. So a wrong word ends the script here.
+left=$#
+while [ $left -gt 0 ]; do
+    word=$1
+    shift
+    left=$((left - 1))
+    case $word in
+    --help) sed -n '2,/^[^#]/s/^# \{0,1\}//p' test/run.sh && exit ;;
     --quick) quick=yes ;;
     --no-skips) skips=no ;;
-    *) break ;;
+    --)
+        while [ $left -gt 0 ]; do
+            word=$1
+            shift
+            set -- "$@" "$word"
+            left=$((left - 1))
+        done
+        ;;
+    -R | -E | -L | -LE | -I | -N | -V | -VV | [!-]*) set -- "$@" "$word" ;;
+    *)
+        echo "test/run.sh: unknown option '$word'; other options of ctest follow '--'" >&2
+        exit 2
+        ;;
     esac
-    shift
 done
 
 needed='g++ make cmake ccache libgtest-dev libbenchmark-dev libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev

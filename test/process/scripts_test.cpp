@@ -77,6 +77,24 @@ TEST_F(Checkout, ASkippedTestFailsTheRunWhereThatIsAskedFor) {
     EXPECT_TRUE(contains(refused.err, "replay/Drive.Starts")) << refused.err;
 }
 
+// ctest ignores options that it does not know, and its --help executes no test.
+TEST_F(Checkout, AWrongOptionOfARunIsAnError) {
+    for (const auto* wrong : {"--quik", "--no-skip", "-R wire --quik", "-quick", "--rerun-failed"}) {
+        const auto ran = script("sh test/run.sh " + std::string(wrong));
+        EXPECT_EQ(ran.status, 2) << wrong;
+        EXPECT_TRUE(contains(ran.err, "unknown option '-")) << ran.err;
+    }
+    const auto help = script("sh test/run.sh --help");
+    EXPECT_EQ(help.status, 0);
+    EXPECT_TRUE(contains(help.out, "\n  --no-skips   a test that is skipped fails the run\n")) << help.out;
+    EXPECT_FALSE(contains(help.out, "set -eu")) << help.out;
+    EXPECT_EQ(log(), "") << "nothing was installed or built";
+    const auto ran = script("sh test/run.sh -R wire --quick -- --rerun-failed --stop-on-failure");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_TRUE(contains(log(), " -R wire --rerun-failed --stop-on-failure\n")) << log();
+    EXPECT_FALSE(contains(log(), "build-sanitized")) << log();
+}
+
 TEST_F(Checkout, ARunEndsWithTheTimeOfEachStepAndTheSummaries) {
     folder.write_script("bin/ctest",
                         "while [ $# -gt 0 ]; do case $1 in --output-log) log=$2;; esac; shift; done\n"
