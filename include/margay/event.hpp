@@ -54,7 +54,8 @@ enum class EventKind : std::uint8_t {
                   // expected: since run_cycle() began)
     ring_broken,  // with two NICs: the ring is open between `slave` at `port` (0: the first NIC) and `other` (0: the
                   // second NIC). actual 1: the cables of the NICs are swapped, so `slave` 0 is the second NIC, and
-                  // `other` 0 the first one. All other slaves still answer. Slaves between `slave` and `other` are lost
+                  // `other` 0 the first one. Slaves between these two ends are lost. The slaves outside answer as
+                  // before
     ring_closed,  // the ring is whole again; `slave`, `other` and `actual` as in ring_broken
     second_reference,  // with two NICs: clocks that the reference clock (of `other`) does not reach (behind a break,
                        // or at branches that only the second NIC reaches) follow the clock of `slave`, which the

@@ -1,4 +1,4 @@
-// Of the library part `source`, for the programs.
+// Makes a header of the library part `source` available to the programs.
 #pragma once
 
 #include "source/source.hpp"

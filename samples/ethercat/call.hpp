@@ -84,7 +84,7 @@ class Call {
     [[nodiscard]] Answer<SelectedSlave> one_slave();
     // The number in an argument or an option, for example number("INDEX", word, 0xFFFF).
     [[nodiscard]] static Answer<std::uint64_t> number(std::string_view what, std::string_view text, std::uint64_t most);
-    // Of an option; `standard` where it is not given.
+    // The number of an option; `standard` if the option is not given.
     [[nodiscard]] Answer<std::uint64_t> option_number(std::string_view option, std::uint64_t standard,
                                                       std::uint64_t most) const;
     [[nodiscard]] Answer<std::optional<Numbers>> option_numbers(std::string_view option) const;

@@ -54,12 +54,12 @@ template <class T>
     return nullptr;
 }
 
-// The address of the slave at a position. The slaves are asked for once for the addresses and once for the positions: a
-// slave that has come between them is addressed by its position.
+// The address of the slave at a position. A slave that was connected after `addresses` was read is not in this list.
+// Its address is then its position.
 [[nodiscard]] AliasAddress address_of(const std::vector<AliasAddress>& addresses, std::uint16_t position);
 
-// The element of --alias or of --position that selects no slave, with its option, for example "--position 77". Nothing:
-// each of them selects one, or `slaves` are selected by neither.
+// The element of --alias or of --position that selects no slave, with its option, for example "--position 77". nullopt:
+// each element selects a slave, or neither option was given.
 [[nodiscard]] std::optional<std::string> unmatched(const std::vector<SlaveFacts>& slaves,
                                                    const std::optional<Numbers>& aliases,
                                                    const std::optional<Numbers>& positions);

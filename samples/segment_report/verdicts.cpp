@@ -293,7 +293,7 @@ class Judge {
             "clocklog");
     }
 
-    // Of each master in the file.
+    // The findings about each master in the recording.
     void recording() {
         if (!report_.recording) return;
         const auto& first = report_.recording->analysis;

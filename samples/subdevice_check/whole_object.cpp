@@ -5,7 +5,7 @@
 namespace margay::samples::conformance {
 namespace {
 
-// Of a device that describes no entries.
+// The objects that are read from a device that describes no objects.
 constexpr std::uint16_t kUsual[] = {0x1018, 0x1C00, 0x1C12, 0x1C13, 0x1600, 0x1A00};
 
 enum class Form : std::uint8_t { aligned, packed, by_length };

@@ -220,10 +220,11 @@ class Recording {
         if (!analysis.ring) forget_losses(analysis);
         constexpr std::uint64_t kFew = 16;  // copies that a recorder has delayed
         if (ring.seen_late() >= kFew)
-            analysis.remark = std::to_string(ring.seen_late()) +
-                              " packets were taken for copies that come by late; where an index comes anew so soon, "
-                              "they are frames that are missing here: record a pcapng file with an interface for each "
-                              "place";
+            analysis.remark =
+                std::to_string(ring.seen_late()) +
+                " packets were counted as late copies of other packets; if the master uses an index again "
+                "so soon, they are frames that are missing here: record a pcapng file with an interface "
+                "for each place";
         if (ring.seen_twice() >= kFew)
             analysis.remark += (analysis.remark.empty() ? "" : "; ") + std::to_string(ring.seen_twice()) +
                                " packets were there again soon at their interface: if it shows several places of the "

@@ -79,7 +79,7 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
     if (slave.al.state == AlState::none && (is_optional(slave) || !slave.seen))
         co_return process ? Result<>(missing_error(network, slave)) : Result<>();
     if (process && slave.held) co_return held_error(slave, Step::request_state);
-    // Set_target() has set a target of the slave.
+    // The supervision brings the slave to the target of set_target().
     if (network.supervised && slave.target != AlState::none) co_return Nothing{};
     co_await completion(read_anew(network, slave));  // the request itself says whether the slave answers
     co_await required(prove_before_request(network, slave, state));

@@ -307,8 +307,8 @@ void start_helpers(Watch& watch, Crew& crew) {
     for (Slave& slave : slaves) {
         // The slave is missing, and it has no process data, or no part in the cycle.
         if (slave.al.state == AlState::none && !exchanges(slave) && !slave.unplaced) continue;
-        // Whether the slave is present and its data is missing in the image.
         const bool asked = watch.network.marks(slave).attempts > 0 || !is_to_be_asked(watch.network, slave);
+        // The image lacks the data of the slave, or SlaveConfiguration::highest keeps the slave from exchanging data.
         const bool missed = (slave.unplaced && asked) || !is_highest(slave.config.highest);
         if (missed && slave.al.state == AlState::preop) watch.network.marks(slave).awaited = true;
         update_counted(watch.network, slave);

@@ -154,7 +154,7 @@ void Esc::keep_next_event_in(Time* place) {
     next_event_ = to;
 }
 
-// The units that work by themselves, at now_.
+// Advances the units that change with time, without a frame, to now_.
 void Esc::advance_units() {
     end_temporary_loops();
     const auto expired = watchdogs_.settle(now_);

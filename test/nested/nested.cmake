@@ -202,7 +202,7 @@ endif()
 # GCC reports warnings at each level of optimisation, so it compiles each type completely. The warnings of clang come from its
 # front end: Debug is compiled completely, Release by the front end alone. RelWithDebInfo and MinSizeRel are the same for the front
 # end as Release, which tests show: the first has the same macros, the second one macro more, which no source and no header names.
-# This is the only build without precompiled headers: they hide that a source lacks an include, and another project that adds
+# This is the only build without precompiled headers: they hide that a unit lacks an include, and another project that adds
 # Margay as a subdirectory does not precompile headers.
 set(flags_of_clang_Release CMAKE_PROJECT_margay_INCLUDE=${CMAKE_CURRENT_SOURCE_DIR}/nested/front_end.cmake MARGAY_PCH=OFF)
 set(gcc g++)

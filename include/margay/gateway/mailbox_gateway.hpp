@@ -79,7 +79,7 @@ class MailboxGateway {
     MailboxGateway(const MailboxGateway&) = delete;
     MailboxGateway& operator=(const MailboxGateway&) = delete;
 
-    // The reason why the gateway is not served, as a sentence; empty: it is served.
+    // The reason why the gateway does not serve its port, as a sentence. Empty: it serves the port.
     [[nodiscard]] const std::string& error() const;
     // The port of UDP and TCP.
     [[nodiscard]] std::uint16_t port() const;
