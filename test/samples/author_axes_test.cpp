@@ -1,5 +1,5 @@
-// A device as its author writes it out of the README and the headers of the slave stack: two axes, slots for modules,
-// parameters in flash, firmware by FoE in BOOT, SYNC0 at a pin of the processor. It runs in interrupts.
+// A device as its author writes it with the README and the headers of the slave stack: two axes, slots for modules,
+// parameters in flash, firmware by FoE in BOOT, SYNC0 at a pin of the processor. It uses interrupts.
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
 #include "sim/devices.hpp"
@@ -165,7 +165,7 @@ struct CraneParts {  // of one device, for the tests
     std::uint32_t missed_syncs = 0;
 };
 
-// The main program: the handlers of the interrupts, and the task that they wake.
+// The main program: the handlers of the interrupts, and the task that the handlers wake.
 class CraneFirmware final : public sim::Firmware {
   public:
     explicit CraneFirmware(CraneParts& parts) : parts_(parts) {}
@@ -184,7 +184,7 @@ class CraneFirmware final : public sim::Firmware {
         const auto next = device.step(now);
         parts_.cycles = all_->crane.cycles;
         parts_.missed_syncs = all_->stack.process_data.counters().missed_syncs;
-        return std::min(next, now + 20us);  // the simulation has no pins: this program looks for the level
+        return std::min(next, now + 20us);  // the simulation has no pins, so this program polls the level
     }
 
   private:

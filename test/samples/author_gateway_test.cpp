@@ -1,5 +1,6 @@
-// A device with all mailbox protocols but SoE, a bootloader and two SyncManagers of outputs, as its author writes it
-// out of the README and the headers of the slave stack; and a program of a user of the library that speaks to it.
+// A device with all mailbox protocols except SoE, a bootloader and two SyncManagers of outputs, as its author writes it
+// with the README and the headers of the slave stack. Also the program of a user of the library that communicates with
+// this device.
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
 #include "sim/devices.hpp"
@@ -137,7 +138,7 @@ class GateFirmware final : public sim::Firmware {
         all_.emplace(esc);
         all_->stack.device.start(now);
     }
-    Time step(Time now) override { return std::min(all_->stack.device.step(now), now + 50us); }  // it polls
+    Time step(Time now) override { return std::min(all_->stack.device.step(now), now + 50us); }  // this device polls
 
   private:
     struct All {

@@ -1,4 +1,4 @@
-// A device as its author writes it out of the README and the headers of the slave stack: two outputs, three inputs, a
+// A device as its author writes it with the README and the headers of the slave stack: two outputs, three inputs, a
 // parameter in flash, a diagnosis message, SYNC0. It works with the master, and subdevice_check finds no fault.
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
@@ -80,7 +80,7 @@ class Pump final : public Application {
         values_.pressure = static_cast<std::uint16_t>(speed < 0 ? -speed : speed);
         values_.cycles = static_cast<std::uint16_t>(values_.cycles + 1);
     }
-    // From the main loop.
+    // Called from the main loop.
     void watch(Time now) {
         const bool high = values_.pressure > 2500;
         if (high && !told_)
@@ -107,7 +107,7 @@ class PumpFirmware final : public sim::Firmware {
     }
     Time step(Time now) override {
         all_->pump.watch(now);
-        return std::min(all_->stack.device.step(now), now + 50us);  // it polls
+        return std::min(all_->stack.device.step(now), now + 50us);  // this device polls
     }
 
   private:
@@ -185,7 +185,7 @@ TEST_F(AuthorsDevice, WorksWithTheMasterAndSync0) {
     const Time begun = osal.now();
     for (int n = 0; n < 100; ++n) cycle();
     const auto cycles = static_cast<std::uint16_t>(load_le<std::uint16_t>(slave.image.inputs.bytes, 6) - before);
-    // SYNC0 calls the application. An exchange takes time too, so that there are more of them than exchanges.
+    // SYNC0 calls the application. An exchange takes time, too, so there are more calls than exchanges.
     EXPECT_NEAR(cycles, static_cast<double>((osal.now() - begun) / 1ms), 2);
     ASSERT_TRUE(writestate(ctx, 0, AlState::preop).ok());
     ASSERT_EQ(statecheck(ctx, 1, AlState::preop, 1s)->state, AlState::preop);

@@ -67,7 +67,7 @@ TEST(ClockLogFile, SaysWhyATextIsNoLog) {
     EXPECT_FALSE(parse_clock_log(head + "1;2;3;4;5\n").tells_sync);
 }
 
-// Lines before the first one in sync are those of the start.
+// Lines before the first line in sync belong to the start.
 TEST(ClockLogFile, TellsWhenTheClocksLostTheirSync) {
     const auto line = [](int ms, PhaseState state, bool clocks) {
         return ClockRecord{.at = Time{std::chrono::milliseconds(ms)}, .state = state, .clocks_in_sync = clocks};

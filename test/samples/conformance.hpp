@@ -1,4 +1,4 @@
-// What the tests of subdevice_check share: a check of one simulated device, and the quirks that each check finds.
+// Common parts of the tests of subdevice_check: a check of one simulated device, and the quirks that each check finds.
 #pragma once
 
 #include "osal/virtual/virtual_osal.hpp"
@@ -39,7 +39,8 @@ inline bool has(const Report& report, std::string_view name, Severity severity) 
            std::ranges::any_of(check->findings, [&](const Finding& f) { return f.severity == severity; });
 }
 
-// The check that finds a quirk, and as what. No check: the quirk breaks no rule, and the reason says why.
+// The check that finds a quirk, and the text that it reports. Without a check: the quirk breaks no rule, and `reason`
+// explains this.
 struct QuirkRow {
     std::string_view quirk;
     std::string_view check;
@@ -108,7 +109,7 @@ inline constexpr QuirkRow kQuirks[] = {
     {"sii_mailbox_in_large", "eeprom.content"},
 };
 
-// The checks of one row: the checks of messages need messages.
+// The checks for one row. The checks of messages need messages.
 inline std::string only(std::string_view check) {
     std::string names(check);
     if (check.starts_with("messages.")) names += ",mailbox.answers,mailbox.one_reply,segments.upload";

@@ -1,4 +1,4 @@
-// The checks of subdevice_check: devices that keep the rules pass, whatever their authors have chosen.
+// The checks of subdevice_check: devices that keep the rules pass, whatever options their authors have chosen.
 #include "samples/conformance.hpp"
 #include "subdevice/sii_image.hpp"
 #include "subdevice/standard_device.hpp"
@@ -58,7 +58,7 @@ constexpr DeviceDescription kVeryFastClock = changed(
     [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .min_cycle = 100us, .max_cycle = 250us}; });
 constexpr DeviceDescription kVeryFastPll = changed(
     [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .max_cycle = 250us, .pll = true}; });
-// 8000 and 16000 cycles a second, and nothing slower.
+// This device permits 8000 and 16000 cycles a second, and no slower cycle.
 constexpr DeviceDescription kControlLoop = changed([](DeviceDescription& d) {
     d.dc = {.supported = true, .required = true, .min_cycle = 125us, .max_cycle = 125us, .pll = true};
 });
@@ -85,16 +85,16 @@ constexpr DeviceDescription kOddCycle = changed(
     [](DeviceDescription& d) { d.dc = {.supported = true, .required = true, .min_cycle = 3ms, .max_cycle = 3ms}; });
 template <const DeviceDescription& Description>
 constexpr auto kSmallSync = subdevice::sync_output_entries<subdevice::offset_of(&SmallValues::sync)>(Description);
-// Such a device tells its shortest cycle.
+// Such a device reports its shortest cycle.
 template <const DeviceDescription& Description>
 constexpr Object kSyncObjects[] = {
     subdevice::record(0x1C32, "Output sync", kSmallSync<Description>, &subdevice::kSyncParameterHooks),
     subdevice::variable(0x6000, "Keys", kSmallKeys), subdevice::variable(0x7000, "Lamps", kSmallLamps)};
 
-// How the firmware is executed, and what the application does.
+// How the firmware is executed, and how the application behaves.
 struct Habits {
     Duration poll{};         // 0: at once
-    Duration transition{};   // each takes so long
+    Duration transition{};   // duration of each transition
     bool emergency = false;  // at each start of the mailbox, for a cause that stays
 };
 inline Habits habits{};
@@ -172,7 +172,7 @@ void expect_conforms(std::initializer_list<std::string_view> passed) {
     EXPECT_TRUE(report.conforms()) << report_text(report, false);
     for (const auto name : passed) {
         EXPECT_EQ(find(report, name)->outcome, Outcome::passed) << name << ": " << reason_of(report, name);
-        // The same when this check is alone.
+        // The result is the same when only this check is executed.
         const auto alone = check_small<Description>({.only = std::string(name)}).report;
         EXPECT_EQ(find(alone, name)->outcome, Outcome::passed) << report_text(alone, true);
     }
@@ -192,7 +192,7 @@ TEST(SubdeviceCheckDevices, ADeviceForShortCyclesOnlyIsTriedWithThem) {
     expect_conforms<kVeryFastPll>({"states.up", "process_data.exchange", "clock.sync0"});
 }
 
-// A value of a hook that its own description forbids.
+// The hook returns a value that its own description forbids.
 MutableBytes level_of_twelve(const subdevice::ObjectAccess&) {
     static std::array<std::byte, 1> level{std::byte{12}};
     return level;
@@ -224,7 +224,7 @@ TEST(SubdeviceCheckDevices, AMappedValueAboveTheCountOfItsObjectIsRemarked) {
     EXPECT_FALSE(has(check_small<kPlain>({.only = "pdos.mapped"}).report, "pdos.mapped", kRemark));
 }
 
-// A cycle is one frame: with a frame for each SyncManager and one for the AL status, the frames would come late.
+// A cycle is one frame. With a frame for each SyncManager and a frame for the AL status, the frames would be too late.
 TEST(SubdeviceCheckDevices, ADeviceWithAControlLoopOf125MicrosecondsOrLessIsNotBlamed) {
     const auto checks = {"states.up",     "states.down",  "states.same",         "sm.process_settings",
                          "watchdog.time", "clock.sync0",  "process_data.inputs", "mailbox.states",
@@ -236,7 +236,7 @@ TEST(SubdeviceCheckDevices, ADeviceWithAControlLoopOf125MicrosecondsOrLessIsNotB
     }
 }
 
-// Outputs that are older than the device allows are as good as an expired watchdog.
+// Outputs that are older than the device permits have the same effect as an expired watchdog.
 TEST(SubdeviceCheckDevices, ATimeoutShorterThanTheWatchdogIsARemark) {
     const auto report = check_small<kOwnTimeout>().report;
     EXPECT_TRUE(report.conforms()) << report_text(report, false);
@@ -261,8 +261,8 @@ TEST(SubdeviceCheckDevices, AnotherCycleIsTried) {
         << report_text(report, true);
 }
 
-// A record with everything that complete access makes difficult: single bits, a number behind them, a gap, a value that
-// cannot be read, a text that is shorter than its place, and a value that is another one at each access.
+// A record with all difficulties of complete access: single bits, a number after the bits, a gap, a value that cannot
+// be read, a text that is shorter than its place, and a value that changes with each access.
 struct MixedRecordValues {
     Le<std::uint16_t> lamps;
     std::uint8_t on;
@@ -302,7 +302,7 @@ TEST(SubdeviceCheckDevices, CompleteAccessOfARecordOfEveryKindIsNotBlamed) {
     }
 }
 
-// Nothing but the objects themselves shows that 0x1018 as a whole needs segments.
+// Only the objects themselves show that complete access to 0x1018 needs segments.
 TEST(SubdeviceCheckDevices, AValueOfManySegmentsIsFoundWithoutTheInformationService) {
     const auto report = check_small<kTightMailboxes>({.only = "segments."}, [](sim::Device& device) {
                             const auto general = wire::sii::find_category(device.sii, wire::sii::category::kGeneral);
@@ -348,7 +348,8 @@ TEST(SubdeviceCheckDevices, OneBufferMayBeTakenSlowly) {
 
 TEST(SubdeviceCheckDevices, EachTransitionMayTakeItsTime) {
     (void)report_with<kPlain>({.transition = 2500ms}, "states.init_clears,states.down");
-    // Longer than the watchdog of the outputs, which stop when the master has requested a lower state.
+    // The transition takes longer than the watchdog of the outputs, which stop when the master has requested a lower
+    // state.
     (void)report_with<kPlain>({.transition = 150ms}, "states.down");
 }
 

@@ -1,4 +1,4 @@
-// Faults of a device, made between its firmware and its ESC, for the tests of subdevice_check.
+// Faults of a device for the tests of subdevice_check, made between its firmware and its ESC.
 #pragma once
 
 #include "samples/conformance.hpp"
@@ -15,9 +15,9 @@ namespace margay::samples::conformance {
 using Octets = std::vector<std::byte>;
 
 struct Fault {
-    std::string_view check;  // finds it, as an error
+    std::string_view check;  // the check that finds it, as an error
     std::string_view what;
-    // Change what the firmware writes, or what it reads; return false to drop a write.
+    // Change the data that the firmware writes or reads. `write` returns false to drop a write.
     bool (*write)(std::uint16_t address, Octets& data) = nullptr;
     void (*read)(std::uint16_t address, MutableBytes data) = nullptr;
     // Acts on the ESC beside the firmware, in each step.
@@ -84,7 +84,7 @@ inline bool no_error_bit(std::uint16_t address, Octets& data) {
     if (address == reg::kAlStatus.address) data[0] &= ~std::byte{wire::al::kErrorIndication};
     return true;
 }
-// A write into the send mailbox of the odd device.
+// Returns whether the access is a write into the send mailbox of the odd device.
 inline bool is_mail(std::uint16_t address, const Octets& data) { return address == 0x1400 && data.size() > 8; }
 inline bool is_service(std::uint16_t address, const Octets& data, coe::Service service) {
     return is_mail(address, data) && data.size() >= 14 && (std::to_integer<unsigned>(data[5]) & 0x0F) == 3 &&
@@ -134,7 +134,7 @@ inline void hide_complete_access(sim::Device& device) {
     ASSERT_NE(device.sii[at] & std::byte{coe_detail::kCompleteAccess}, std::byte{0});
     device.sii[at] &= ~std::byte{coe_detail::kCompleteAccess};
 }
-// What the firmware reads at one address.
+// Changes the data that the firmware reads at one address.
 template <std::uint16_t Address, unsigned Set, unsigned Cleared = 0>
 void read_bits(std::uint16_t address, MutableBytes data) {
     if (address <= Address && Address < address + data.size()) {
@@ -142,7 +142,7 @@ void read_bits(std::uint16_t address, MutableBytes data) {
         octet = (octet | std::byte{Set}) & ~std::byte{Cleared};
     }
 }
-// The firmware always reads a SyncManager as it should be.
+// The firmware always reads the expected settings of a SyncManager.
 template <unsigned N, std::uint16_t Start, std::uint16_t Length, std::uint8_t Control>
 void read_right_sync_manager(std::uint16_t address, MutableBytes data) {
     const auto at = reg::sync_manager(N).address;
@@ -150,7 +150,8 @@ void read_right_sync_manager(std::uint16_t address, MutableBytes data) {
     wire::store_sync_manager(data.subspan(at - address, 8), {Start, Length, Control, 1});
 }
 
-// The AL status that the firmware has written last. In one status, a request looks like another one.
+// The AL status that the firmware has written last. In one status, the firmware reads another request than the master
+// has written.
 inline std::byte al_status_now{};
 inline bool note_status(std::uint16_t address, Octets& data) {
     if (address == reg::kAlStatus.address) al_status_now = data[0];
@@ -162,7 +163,7 @@ void read_request(std::uint16_t address, MutableBytes data) {
         data[0] = std::byte{Other};
 }
 
-// Whether SAFEOP or OP was reached and left for PREOP since INIT.
+// True if SAFEOP or OP was reached and left for PREOP since INIT.
 inline bool was_up = false;
 inline bool note_up(std::uint16_t address, Octets& data) {
     static std::byte before{};
@@ -172,7 +173,7 @@ inline bool note_up(std::uint16_t address, Octets& data) {
     return true;
 }
 
-// An SDO download of this subindex that was aborted looks like a success.
+// An aborted SDO download of this subindex looks like a success.
 template <std::uint16_t Index, std::uint8_t Subindex, std::uint16_t Mailbox = 0x1400>
 bool grant(std::uint16_t address, Octets& data) {
     if (address != Mailbox || data.size() < 16 || data[8] != std::byte{0x80}) return true;
@@ -201,7 +202,7 @@ inline void set_al_status(subdevice::EscAccess& esc, std::uint16_t status, std::
 }
 inline bool leave_op = false;      // the last message came in OP
 inline bool full_message = false;  // the last message had the size of the mailbox
-// Between the begin of an upload in segments and its last segment.
+// True between the begin of an upload in segments and its last segment.
 inline bool in_segments = false;
 inline bool note_segments(std::uint16_t address, Octets& data) {
     if (!is_service(address, data, coe::Service::sdo_response) || data.size() < 10) return true;
@@ -211,7 +212,8 @@ inline bool note_segments(std::uint16_t address, Octets& data) {
     return true;
 }
 
-// The segments that an upload has sent. From the second one on, each request looks as if its toggle bit were right.
+// The number of segments that an upload has sent. From the second segment on, each request looks as if its toggle bit
+// were right.
 inline unsigned segments_sent = 0;
 inline bool count_segments(std::uint16_t address, Octets& data) {
     if (!is_service(address, data, coe::Service::sdo_response) || data.size() < 10) return true;
@@ -220,7 +222,7 @@ inline bool count_segments(std::uint16_t address, Octets& data) {
     if (specifier == coe::response::kUploadSegment) ++segments_sent;
     return true;
 }
-inline bool ignores_abort = false;  // the client has aborted behind the first segment
+inline bool ignores_abort = false;  // the client has aborted after the first segment
 inline void read_right_toggle(std::uint16_t address, MutableBytes data) {
     if (segments_sent == 0 || (!is_request(address, data, 0x60) && !is_request(address, data, 0x70))) return;
     data[2] = segments_sent % 2 != 0 ? std::byte{0x70} : std::byte{0x60};
@@ -231,7 +233,7 @@ inline bool is_download_segment(std::uint16_t address, Bytes data) {
            (std::to_integer<unsigned>(data[2]) >> 5) == coe::request::kDownloadSegment;
 }
 
-// SYNC0 always looks as if it had arrived, once the device has reported an error.
+// After the device has reported an error, SYNC0 always looks as if it had arrived.
 inline bool after_error = false;
 inline bool note_any_error(std::uint16_t address, Octets& data) {
     if (address == reg::kAlStatus.address && data[0] == std::byte{0x14}) after_error = true;
@@ -240,13 +242,13 @@ inline bool note_any_error(std::uint16_t address, Octets& data) {
 inline void read_sync0_after_error(std::uint16_t address, MutableBytes data) {
     if (after_error) read_bits<0x0220, 0x04>(address, data);
 }
-// Where the content of a category of the SII begins.
+// Returns where the content of a category of the SII begins.
 inline std::size_t category_at(const sim::Device& device, std::uint16_t type) {
     const auto content = wire::sii::find_category(device.sii, type);
     EXPECT_TRUE(content);
     return content ? static_cast<std::size_t>(content->data() - device.sii.data()) : 0;
 }
-// The DC operation modes of the SII with SYNC0 get SYNC1.
+// Adds SYNC1 to the DC operation modes of the SII with SYNC0.
 inline void announce_sync1(sim::Device& device) {
     const auto modes = wire::sii::find_category(device.sii, wire::sii::category::kDc);
     ASSERT_TRUE(modes);

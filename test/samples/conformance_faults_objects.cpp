@@ -36,7 +36,7 @@ constexpr Fault kObjectFaults[] = {
      .what = "a type that is announced is refused",
      .read =
          [](std::uint16_t address, MutableBytes data) {
-             // An expedited download of type 2 reaches the firmware as one of type 99.
+             // The firmware receives an expedited download of type 2 as a download of type 99.
              if (address != 0x1006 || data.size() < 10 || load_le<std::uint16_t>(data, 3) != 0x1C33) return;
              if ((std::to_integer<unsigned>(data[2]) >> 5) == coe::request::kDownload && data[6] == std::byte{2})
                  data[6] = std::byte{99};
@@ -154,7 +154,8 @@ constexpr Fault kObjectFaults[] = {
      [](std::uint16_t address, MutableBytes data) {
          if (is_request(address, data, 0x80)) data[2] = std::byte{0x60};
      }},
-    // Before the first segment, an abort ends the transfer. Behind it, the next request gets a segment all the same.
+    // Before the first segment, an abort ends the transfer. After the first segment, the next request still gets a
+    // segment.
     {"segments.client_abort", "an abort behind the first segment is ignored",
      [](std::uint16_t address, Octets& data) {
          if (ignores_abort && is_service(address, data, coe::Service::sdo_request) && data[8] == std::byte{0x80}) {
@@ -184,7 +185,7 @@ constexpr Fault kObjectFaults[] = {
     {"segments.without_begin", "another abort code", replace_abort<0x05040001, 0x08000000>},
     {"pdos.mapping", "the count is acknowledged and not written", nullptr,
      [](std::uint16_t address, MutableBytes data) {
-         // An expedited download of 0x1600:00 reaches the firmware as one of its own value.
+         // The firmware receives an expedited download of 0x1600:00 with the present value.
          if (!is_request(address, data, 0x2F) || load_le<std::uint16_t>(data, 3) != 0x1600 || data[5] != std::byte{0})
              return;
          data[2] = std::byte{0x40};

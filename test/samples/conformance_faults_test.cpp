@@ -44,7 +44,7 @@ std::string text_of(std::string_view device_name, const Fault& fault, std::strin
     return report_text(check_it(std::move(device), {.only = std::string(only_checks)}).report, true);
 }
 
-// A message that is no reply to the request is the cause, and not the lack of a reply.
+// The reported cause is the message that is not a reply to the request, and not the missing reply.
 TEST(SubdeviceCheck, AReplyThatIsNotTakenIsNamed) {
     static constexpr Fault kOtherSubindex{.check = "sdo",
                                           .what = "downloads are answered with subindex 9",
@@ -65,7 +65,7 @@ TEST(SubdeviceCheck, AReplyThatIsNotTakenIsNamed) {
     EXPECT_NE(other.find("with the address 0x1234"), std::string::npos) << other;
 }
 
-// The SII announces VoE alone: the check has no message of a protocol that the slave has.
+// The SII announces only VoE, so the check has no message of a protocol of the slave.
 TEST(SubdeviceCheck, ASlaveWithoutCoEMayRefuseTheProtocolBeforeTheLength) {
     auto device = sim::make_device("odd_device").value();
     constexpr std::size_t kProtocols = 0x1C * 2;
@@ -75,7 +75,7 @@ TEST(SubdeviceCheck, ASlaveWithoutCoEMayRefuseTheProtocolBeforeTheLength) {
     EXPECT_EQ(find(report, "mailbox.length")->outcome, Outcome::passed);
 }
 
-// A check that nothing makes fail proves nothing.
+// A check that no fault makes fail proves nothing.
 TEST(SubdeviceCheck, EveryCheckHasAFaultThatItFinds) {
     std::set<std::string_view> found;
     for (const auto& row : kQuirks) found.insert(row.check);

@@ -1,5 +1,5 @@
-// The checks of subdevice_check on a line that loses frames: what a check has changed gets its old values back, or the
-// report says in words that it has not.
+// The checks of subdevice_check on a line that loses frames. The old values are restored after a check has changed
+// them, or the report says that they are not restored.
 #include "oshw/filter_nic.hpp"
 #include "samples/conformance.hpp"
 
@@ -34,7 +34,7 @@ unsigned count_of(Context& ctx, const Lists& lists) {
     return count ? *count : 0xFFU;
 }
 
-// One run of a check. The frames are counted from its begin on.
+// One execution of a check. The frames are counted from its beginning.
 struct Trial {
     Trial(const Lists& lists, unsigned first, unsigned lost)
         : nic(cable, osal), contact(nic), ctx(Limits{.slaves = 4}) {

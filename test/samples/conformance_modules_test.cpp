@@ -1,5 +1,5 @@
-// The checks of subdevice_check: a modular device whose maker uses the indices behind the last slot passes. The device
-// tells its shortest cycle.
+// The checks of subdevice_check: a modular device whose author uses the indices after the last slot passes. The device
+// reports its shortest cycle.
 #include "samples/conformance.hpp"
 #include "sim/process_data.hpp"
 #include "subdevice/modules.hpp"
@@ -82,7 +82,7 @@ class ShelfFirmware final : public sim::Firmware {
     std::unique_ptr<All> all_;
 };
 
-// The SII is that of the factory; the user has pulled out a module since.
+// The SII is in the state of the factory. Since then the user has removed a module.
 TEST(SubdeviceCheckModules, TheSiiNeedNotDescribeTheModulesThatAreThere) {
     auto device = sim::make_device("modular_io").value();
     device.firmware->process_data()->inputs()[1] = std::byte{0};

@@ -1,5 +1,5 @@
-// The checks of subdevice_check: devices that keep the rules pass them, and each broken rule of a quirk is found by
-// name. conformance_faults_test.cpp has the faults that are no quirks.
+// The checks of subdevice_check: devices that keep the rules pass the checks, and each broken rule of a quirk is found
+// by name. conformance_faults_test.cpp contains the faults that are not quirks.
 #include "samples/conformance.hpp"
 
 #include <nlohmann/json.hpp>
@@ -102,7 +102,7 @@ TEST(SubdeviceCheck, NamesOfChecksAreUniqueAndHaveClauses) {
     }
 }
 
-// A real NIC ends a wait only with a frame: a wait without a limit while no frame is under way would never end.
+// A real NIC ends a wait only with a frame, so a wait without a limit while no frame is in flight would never end.
 class OsalOfARealNic final : public Osal {
   public:
     [[nodiscard]] Time now() noexcept override { return now_; }

@@ -1,4 +1,5 @@
-// The figures of cycles in a file: what is read is what was written, and what contradicts itself is refused.
+// The figures of cycles in a file: the values that are read equal the written values, and contradictory values are
+// refused.
 #include "common/cycle_log_file.hpp"
 
 #include <gtest/gtest.h>

@@ -34,7 +34,7 @@ TEST(DictionaryReport, PrintsObjectsEntriesAndValues) {
     EXPECT_EQ((*object)["entries"][0]["data_type_text"], "INTEGER16");
 }
 
-// A terminal turns the direction of the text behind some characters that are not seen.
+// Some invisible characters change the direction of the following text in a terminal.
 TEST(WordsOfSlave, HaveNoCharactersThatAreNotSeen) {
     for (const std::string hidden : {"\u202A", "\u202E", "\u2066", "\u2069", "\u200B", "\u200F", "\u061C", "\u2028",
                                      "\u2060", "\uFEFF", "\uFFFE", "\u00AD", "\U000E0041"}) {

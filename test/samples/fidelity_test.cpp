@@ -84,7 +84,7 @@ TEST_F(Fidelity, Ek1100AndTwoEl2004) {
     expect_identical(measure("rs-example-sii-el2004", kEk1100 + el2004 + el2004));
 }
 
-// The EL2889 of these two recordings has an ESC with the DC unit switched on, which its SII does not say.
+// The EL2889 of these two recordings has an ESC whose DC unit is switched on, which its SII does not show.
 const std::string kEl28xx =
     "[[slave]]\nsii = \"el2828.bin\"\nsii_read_us = 100\n"
     "[[slave]]\nsii = \"el2889.bin\"\nsii_read_us = 100\nfeatures = 0x00FC\ndc = \"64\"\n";
@@ -146,7 +146,7 @@ TEST_F(FidelityOfProcessors, TheClockIsRebuiltAsTheRecordingShowsIt) {
             found.push_back(text.substr(at + 7, text.find('"', at + 7) - at - 7));
         EXPECT_EQ(found, expected) << recording << "\n" << text;
     }
-    // With these settings, each clock register answers or does not answer as the one of the hardware.
+    // With these settings, each clock register answers exactly when the register of the hardware answers.
     for (const auto* recording : {"soem-sdinfo-ek1100-el1004", "replay-dc"}) {
         const auto report = measure_rebuilt(recording);
         for (const auto& [kind, entry] : report.kinds) {
@@ -221,7 +221,7 @@ TEST_F(Fidelity, SlavesThatNobodyAddressedAreCounted) {
     EXPECT_EQ(no_slaves_reason(recording).substr(0, 50), "2 slaves answer in this recording (working counter");
 }
 
-// A recorder that is killed leaves half a packet behind. What lies before it counts.
+// A recorder that was killed leaves an incomplete packet at the end. The packets before it are used.
 TEST_F(Fidelity, ARecordingThatIsCutOffIsReadUpToItsEnd) {
     const std::string whole = kCaptures + "/soem-sdinfo-ek1100-el1004.pcapng";
     const auto cut = folder_ / "cut.pcapng";

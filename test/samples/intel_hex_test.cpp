@@ -18,7 +18,7 @@ std::vector<std::byte> octets_of(const std::string& text) {
     return out;
 }
 
-// The record that most descriptions of the format show.
+// A record that most descriptions of the format contain.
 TEST(IntelHex, ReadsAndWritesARecord) {
     const std::string text = ":0B0010006164647265737320676170A7\n:00000001FF\n";
     const auto read = parse_intel_hex(text);

@@ -1,4 +1,4 @@
-// A file that replaces another one only when it is complete.
+// A file that replaces another file only when it is complete.
 #include "common/new_file.hpp"
 #include "common/firmware_file.hpp"
 #include "process/shell.hpp"
@@ -43,7 +43,7 @@ TEST_F(NewFileTest, WithoutCommitNothingChanges) {
     }
     EXPECT_EQ(content_of(at("a")), "old");
     EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 1);
-    // What another program has left there is not removed by a run that has written nothing.
+    // A run that has written nothing does not remove a file of another program.
     folder.write("a.new", "of another one");
     { const NewFile file(at("a")); }
     EXPECT_EQ(content_of(at("a.new")), "of another one");

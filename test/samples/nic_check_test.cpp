@@ -1,4 +1,4 @@
-// nic_check: every verdict with made-up facts, and the reading from folders of the test.
+// nic_check: every verdict with made-up facts, and reading the facts from folders of the test.
 #include "nic_check/findings.hpp"
 #include "nic_check/read.hpp"
 
@@ -23,7 +23,7 @@ IrqThread irq_thread(int priority) {
     return {.id = 345, .irq = 34, .policy = SCHED_FIFO, .priority = priority, .name = {"irq/34-eth9-TxR"}};
 }
 
-// An interface and a machine with nothing to mend.
+// An interface and a machine without a finding.
 Facts best() {
     Facts facts;
     facts.interface = {.name = "eth9",
@@ -89,7 +89,7 @@ void expect_rows(const std::vector<Row>& rows) {
         EXPECT_EQ(to_text(one->verdict), to_text(row.verdict)) << row.subject << ": " << one->text;
         EXPECT_NE(one->text.find(row.text), std::string::npos) << row.subject << ": " << one->text;
         EXPECT_EQ(one->command, row.command) << row.subject;
-        // Nothing else changes, except what follows from the same fact.
+        // All other verdicts stay good, except the verdicts that depend on the same fact.
         std::size_t others = 0;
         for (const auto& other : all) others += other.verdict != Verdict::good ? 1U : 0U;
         EXPECT_LE(others, 2U) << row.subject << ": " << row.text;
@@ -115,7 +115,7 @@ TEST(NicCheck, NothingIsKnownOfFactsThatWereNotRead) {
     nothing.interface.name = "eth9";
     nothing.interface.unread["gro"] = "the driver does not say";
     for (const auto& one : judge(nothing)) {
-        const bool by_default = one.verdict == good;  // the absence of something bad that was looked for
+        const bool by_default = one.verdict == good;  // the finding is that nothing bad was found
         EXPECT_TRUE(!by_default || one.subject == "IP addresses" || one.subject == "hardware" ||
                     one.subject == "irqbalance")
             << one.subject << ": " << one.text;

@@ -28,8 +28,7 @@ struct ProcessMapTest : testing::Test {
     ProcessMapTest() { std::filesystem::create_directories(folder); }
     ~ProcessMapTest() override { std::filesystem::remove_all(folder); }
 
-    // A program that sets one member after the other to ones and compares all octets with the comment behind the
-    // member.
+    // A program that sets one member after another to ones and compares all octets with the comment after the member.
     std::string program(const std::string& header, bool outputs) {
         const std::string type = outputs ? "process_outputs" : "process_inputs";
         const std::size_t first = header.find("typedef struct " + type + " ");
@@ -173,7 +172,7 @@ TEST_F(ProcessMapTest, NamesComeFromTheDictionaryWhereTheSiiHasNone) {
     EXPECT_EQ(map.entries[0].data_type, 0x06) << "UNSIGNED16";
 }
 
-// An entry of the assignment can be 0: object 0x0000 is not read, and the other PDOs are described.
+// An entry of the assignment can be 0. Object 0x0000 is not read, and the other PDOs are described.
 TEST_F(ProcessMapTest, PlacesWithoutAPdoArePassedOver) {
     MailboxBus mail;
     auto& slave = mail.add_scripted(64, mailbox_protocol::kCoE, coe_detail::kSdo);

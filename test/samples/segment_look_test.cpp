@@ -112,14 +112,14 @@ TEST_F(SegmentLookTest, NobodyThereAndNoLinkAreTold) {
     EXPECT_FALSE(look_at_segment(nic, osal).link);
 }
 
-// A ring of three slaves with two NICs, whose cables may be broken or interchanged. The last slave is in SAFEOP.
+// A ring of three slaves with two NICs, whose cables may be broken or swapped. The last slave is in SAFEOP.
 struct RingLookTest : testing::Test {
     VirtualOsal osal;
     sim::Segment segment;
     std::optional<SimulatedNic> nics[2];
 
-    // `branch`: the fourth slave is behind port 2 of the first one. In the whole ring, only the frames from the end of
-    // the ring reach it. Then this slave is in SAFEOP.
+    // `branch`: the fourth slave is behind port 2 of the first slave. In the whole ring, only the frames from the end
+    // of the ring reach it. Then this slave is in SAFEOP.
     void build(bool swapped, bool branch = false) {
         for (std::uint32_t n = 0; n < (branch ? 4 : 3); ++n) {
             auto device = std::move(*sim::make_device("digital_io_16"));

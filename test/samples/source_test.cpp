@@ -82,7 +82,7 @@ TEST_F(SourceTest, ARingOfASegmentFileHasTwoNics) {
     std::ofstream(file) << "ring = { slave = \"last\", port = 1 }\n[[slave]]\ndevice = \"junction\"\ncount = 3\n"
                         << "[[slave]]\nname = \"last\"\ndevice = \"junction\"\n";
     const std::string record = folder / "two.pcapng";
-    // The second turn replays what the first one has recorded.
+    // The second round replays the recording of the first round.
     for (const auto& [text, kept] :
          {std::pair{"sim:" + file.string(), record}, std::pair{"pcap:" + record, std::string()}}) {
         SCOPED_TRACE(text);
@@ -103,7 +103,7 @@ TEST_F(SourceTest, ARingOfASegmentFileHasTwoNics) {
     EXPECT_EQ(open_source("sim:demo")->second(), nullptr);
 }
 
-// The NICs have the times that are asked for, and no others; what cannot have them says so.
+// The NICs provide the requested times, and no other times. A NIC that cannot provide them reports this.
 TEST_F(SourceTest, TimesOfFrames) {
     const WantedTimes both{.stamps = WantedTimes::Stamps::hardware, .send_at = true};
     EXPECT_EQ(open_source("sim:demo")->timing().sent, nullptr);

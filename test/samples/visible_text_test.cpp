@@ -1,4 +1,4 @@
-// Texts for people without characters that are not seen.
+// Texts for people, without invisible characters.
 #include "common/visible_text.hpp"
 
 #include <gtest/gtest.h>

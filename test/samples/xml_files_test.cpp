@@ -73,7 +73,7 @@ TEST_F(XmlFiles, ADeviceThatWasLeftOutIsNamedWithItsFault) {
     const std::string good(files::kExampleEsi);
     std::string faulty = good;
     faulty.insert(faulty.find("StartAddress=\"") + 14, "nowhere");
-    // A file that goes on in other files, and one with another device.
+    // A file that continues in other files, and a file with another device.
     auto further = faulty;
     further.insert(further.find("<Vendor"), "<InfoReference>modules.xml</InfoReference>");
     std::ofstream(folder_ / "further.xml") << further;
@@ -104,7 +104,7 @@ TEST_F(XmlFiles, AnEniThatIsNoneIsNamed) {
     EXPECT_EQ(load_eni(path("nothing.xml")).error, path("nothing.xml") + ": cannot be read: No such file or directory");
 }
 
-// What differs from the slaves is known after the scan, and is a warning as the remarks of the reader are.
+// Differences from the slaves are known after the scan. They are warnings, like the remarks of the reader.
 TEST_F(XmlFiles, AnEniThatDiffersFromTheSlavesIsAWarning) {
     const auto scan = [&](const files::EniConfiguration* eni, std::string* text) {
         auto source = open_source("sim:coupler,drive").take();

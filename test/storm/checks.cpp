@@ -1,5 +1,5 @@
 // Rules for process data: the image contains no input that the slave never had, a device applies no output that the
-// application never wrote, and no cycle is right when one of its slaves is missing.
+// application never wrote, and no cycle succeeds when one of its slaves is missing.
 #include "storm/world.hpp"
 
 namespace margay::storm {
@@ -40,7 +40,8 @@ void set_bits(std::span<std::byte> image, const ImagePart& part, const Value& va
     return count == 1;
 }
 
-// Whether the image of the group contains the slave's data. The configuration can have changed since the mapping.
+// Returns whether the image of the group contains the slave's data. The configuration can have changed since the
+// mapping.
 [[nodiscard]] bool carries(const Group& group, const Slave& slave) {
     const auto& bytes = slave.image.inputs.bits != 0 ? slave.image.inputs.bytes : slave.image.outputs.bytes;
     return !bytes.empty() && !group.image.empty() && bytes.data() >= group.image.data() &&
@@ -138,7 +139,7 @@ void World::set_outputs(std::uint8_t group) {
     if (shared != nullptr) shared->publish_outputs();
 }
 
-// A thread that uses the shared image has the inputs of the last cycle that was whole, and no others.
+// A thread that uses the shared image has the inputs of the last complete cycle, and no other inputs.
 void World::check_shared(std::uint8_t group) {
     const Group& of = ctx_->group(group);
     if (of.config.shared == nullptr || !of.mapped || !of.config.shared->refresh_inputs()) return;
@@ -150,7 +151,7 @@ void World::check_copies(std::uint8_t group) {
     if (!ctx_->group(group).mapped) return;
     const auto image = ctx_->group(group).image;
     for (const SlaveToSlave& copy : ctx_->group(group).config.copies) {
-        // Old inputs are not copied, and the inputs of the last cycle before a loss still are.
+        // Old inputs are not copied, but the inputs of the last cycle before a loss are still copied.
         if (!ctx_->slave(copy.from_slave).takes_part || !inputs_fresh(*ctx_, copy.from_slave)) continue;
         const auto part = [&](const ImagePart& of, std::uint32_t bit) {
             return bits_of(image, {.offset_bits = of.offset_bits + bit, .bits = copy.bits, .bytes = {}});
@@ -166,7 +167,7 @@ void World::note_outputs(std::uint8_t group) {
     for (const Slave& slave : ctx_->slaves()) {
         const auto& part = slave.image.outputs;
         if (part.bits == 0 || !carries(ctx_->group(group), slave)) continue;
-        // A device reads the outputs of each SyncManager on their own.
+        // A device reads the outputs of each SyncManager separately.
         ImagePart piece{.offset_bits = part.offset_bits, .bits = 0, .bytes = {}};
         for (const ProcessSm& sm : slave.config.used_sms()) {
             if (sm.direction != Direction::outputs || sm.bits == 0) continue;
@@ -211,8 +212,8 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
                          (spy->shown().empty() ? "nothing" : hex(spy->shown().back().value)) +
                          ", sending said: " + std::string(to_text(cycle.send_error)));
         } else if (!zero(value)) {
-            // Without such a device the image has the last input received, which cannot be checked. So it has while the
-            // slave does not take part: another device may have its address then.
+            // Without such a device the image has the last received input, which cannot be checked. The same is true
+            // while the slave does not take part, because another device may have its address then.
             const auto before = inputs_.find(slave.number);
             bool known = devices.empty() || (!slave.takes_part && before != inputs_.end() && before->second == value);
             for (std::uint32_t n = 0; n < spies_.size() && !known; ++n)

@@ -11,7 +11,7 @@ struct DeviceBits {
     std::uint32_t outputs = 0;
 };
 
-// Of a device without quirks. Read once per process and device.
+// Returns the process data of a device without quirks. It is read once per process and device.
 [[nodiscard]] DeviceBits bits_of_device(const std::string& name);
 
 }  // namespace margay::storm

@@ -12,11 +12,11 @@
 namespace margay::storm {
 namespace {
 
-// Quirks that were added to the table later are chosen by more_harm(): the plans of the seeds stay as they were.
+// more_harm() chooses quirks that were added to the table later, so the plans of old seeds do not change.
 constexpr std::size_t kQuirksOfOldSeeds = 51;
-// Devices that the library has got since then: the plans of old seeds do not have them.
+// Devices that were added to the library later. The plans of old seeds do not contain them.
 constexpr std::size_t kLaterDevices = 6;
-// The same for the kinds of requests: more_mail() chooses them.
+// The same for the kinds of requests, which more_mail() chooses.
 std::size_t old_kinds() { return kinds().size() - later_kinds().size(); }
 
 class Maker {
@@ -71,7 +71,7 @@ class Maker {
     }
 
     // Mailbox faults during bring-up, EEPROMs with mailboxes that no frame carries, hostile register writes, and writes
-    // to the EEPROM beside faults of the power supply. Also from a chance of their own.
+    // to the EEPROM beside faults of the power supply. They have a separate random sequence, too.
     void more_harm() {
         Chance chance(plan_.seed * 40503ULL + 2);
         const auto below = [&](std::size_t bound) { return static_cast<std::uint32_t>(chance.below(bound)); };
@@ -83,8 +83,8 @@ class Maker {
             for (std::uint32_t n = 1 + below(3); n > 0; --n) eeprom_updates(chance);
     }
 
-    // Devices with mailbox protocols that the library has got later, in place of others, and requests for them. Also
-    // from a chance of their own.
+    // Devices with mailbox protocols that were added later, in place of other devices, and requests for them. They have
+    // a separate random sequence, too.
     void more_mail() {
         Chance chance(plan_.seed * 2246822519ULL + 3);
         const auto below = [&](std::size_t bound) { return static_cast<std::uint32_t>(chance.below(bound)); };
@@ -104,8 +104,8 @@ class Maker {
         }
     }
 
-    // Replies without a mark, and sequences without memory. The plans of the seeds that README.md names stay as they
-    // were: none of them is divisible by 8.
+    // Replies without a mark, and sequences without memory. The plans of the seeds in README.md do not change, because
+    // none of these seeds is divisible by 8.
     void more_mistakes() {
         constexpr std::uint64_t kOldSeeds = 400;
         if (plan_.seed <= kOldSeeds && plan_.seed % 8 != 0) return;
@@ -119,7 +119,7 @@ class Maker {
                               static_cast<std::uint32_t>(chance.below(160))}}});
     }
 
-    // Replies that are lost, some for good, of devices whose SII does not list their PDOs.
+    // Replies of devices whose SII does not list their PDOs are lost, some of them for good.
     void lose_mail(Chance& chance) {
         constexpr std::array kManners{"never_replies", "never_replies", "empty_repeats", "slow_replies",
                                       "short_replies", "empty_replies", "mailbox_full"};
@@ -127,7 +127,7 @@ class Maker {
         if (plan_.settings.expect < 4) plan_.settings.bring_up_drop = kRates[chance.below(kRates.size())];
         for (auto& device : plan_.devices) {
             if (!device.quirks.empty() || chance.below(3) != 0) continue;
-            // In this order: a quirk of the firmware writes the SII anew.
+            // The order matters, because a quirk of the firmware writes the SII again.
             device.quirks.emplace_back(kManners[chance.below(kManners.size())]);
             device.quirks.emplace_back("sii_no_pdos");
             if (chance.below(2) == 0) device.quirks.emplace_back("sii_sync_managers_off");
@@ -172,7 +172,8 @@ class Maker {
         }
     }
 
-    // A write, and the power off before it ends, or its EEPROM deaf for a time, or nothing.
+    // A write, and then: the power is switched off before the write ends, the EEPROM does not acknowledge for a time,
+    // or nothing happens.
     void eeprom_updates(Chance& chance) {
         const auto device = plan_.devices[chance.below(plan_.devices.size())].id;
         const Step write{
@@ -190,7 +191,7 @@ class Maker {
         }
     }
 
-    // From a chance of their own: what came before them stays as it was for a seed.
+    // These settings have a separate random sequence, so the earlier choices for a seed do not change.
     void more_settings() {
         Chance chance(plan_.seed * 2654435761ULL + 1);
         Settings& s = plan_.settings;
@@ -303,7 +304,7 @@ class Maker {
         const std::uint32_t pace = any({200, 2'000, 20'000, 100'000});
         const std::uint32_t faults = any({0, 2, 3, 5});  // a fault occurs in one of `faults` steps; 0: never
         if (plan_.settings.calm == 0) {
-            // Most plans begin as an application does: scan, map, supervise.
+            // Most plans begin like an application: scan, map, supervise.
             if (!one_in(4)) plan_.steps.push_back({0, Op::submit, {0, *kind_by_name("scan"), 0, 0, 0}});
             if (!one_in(4)) plan_.steps.push_back({any({100'000, 1'000'000, 5'000'000}), Op::map, {0}});
             if (!one_in(3))

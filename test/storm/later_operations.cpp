@@ -1,5 +1,5 @@
-// Kinds of requests that the library has got after the first seeds: streams, files, VoE, AoE, EoE, messages of any
-// protocol, latches and targets.
+// Kinds of requests that were added to the library after the first seeds: streams, files, VoE, AoE, EoE, messages of
+// any protocol, latches and targets.
 #include "storm/operation_of.hpp"
 
 #include <margay/latches.hpp>
@@ -119,7 +119,7 @@ constexpr Set kEoeSetIp = [](Operation& o, std::uint32_t slave, std::uint32_t a,
 constexpr Set kRawMail = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
     auto& all = as<RawMail>(o);
     address_mail(all.r, slave, b);
-    if (all.r.timeout == Duration{0}) all.r.timeout = 100ms;  // the slave may answer nothing
+    if (all.r.timeout == Duration{0}) all.r.timeout = 100ms;  // the slave may not answer
     all.r.type = static_cast<MailboxType>(1 + a % 15);
     all.r.message = std::span<const std::byte>(all.data).first((a >> 4) % 40);
     all.r.answer = std::span(all.data).subspan(1024, (a >> 10) % 4 == 0 ? 0 : 128);

@@ -21,7 +21,7 @@ Step submit(std::uint32_t after_us, std::uint32_t slot, std::uint32_t kind, std:
     return {after_us, Op::submit, {slot, kind, slave, 2, 0}};
 }
 
-// A device with the protocol of the request; nullptr: an I/O device has it.
+// The name of a device with the protocol of the request; nullptr: an I/O device has the protocol.
 const char* device_for(std::uint32_t kind) {
     const std::string_view name = kind_name(kind);
     if (name.starts_with("voe")) return "voe_device";

@@ -1,5 +1,6 @@
-// A context for tests that fill its arena. Coroutine frames take several times as much memory in sanitized builds,
-// which the library's own sizes do not count with: the arena is larger there, and full at about the same moments.
+// A context for tests that fill its arena. Coroutine frames need several times as much memory in sanitized builds,
+// which the sizes in the library do not include. Therefore the arena is larger in these builds, and full at about the
+// same moments.
 #pragma once
 
 #include <margay/context.hpp>
@@ -19,7 +20,7 @@ class RoomyContext : public Context {
 #else
     static constexpr std::size_t kTimes = 1;
 #endif
-    // What is not taken by tables is the arena.
+    // The memory that the tables do not use is the arena.
     static constexpr std::size_t bytes(const Limits& limits) { return kTimes * context_bytes(limits); }
 
     RoomyContext(std::unique_ptr<std::byte[]> memory, const Limits& limits)

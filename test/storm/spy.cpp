@@ -27,7 +27,7 @@ bool Spy::starts_sm(std::uint16_t address, std::size_t length, bool outputs) {
     const auto count =
         std::min<unsigned>(subdevice::read_register<std::uint8_t>(*esc_, reg::kSyncManagerCount.address), 16);
     for (unsigned n = 0; n < count; ++n) {
-        // Without the activate octet: reading it would clear an event that the program waits for.
+        // Reads without the activate octet, because reading it would clear an event that the program waits for.
         std::array<std::byte, reg::kSyncManagerStride> raw{};
         esc_->read(reg::sync_manager(n).address, MutableBytes(raw).first(wire::SyncManagerLayout::activate::offset));
         const auto sm = wire::load_sync_manager(raw);

@@ -30,7 +30,8 @@ class Spy final : public sim::Firmware, private subdevice::EscAccess {
         Time at{};
         Value value;
     };
-    // Whether the first `bits` bits of the inputs were equal to `value` at some time since `from`, or at any time.
+    // Returns whether the first `bits` bits of the inputs were equal to `value` at some time since `from`, or at any
+    // time.
     [[nodiscard]] bool has_shown(const Value& value, std::uint32_t bits, Time from) const;
     [[nodiscard]] bool has_ever_shown(const Value& value, std::uint32_t bits) const;
     [[nodiscard]] const std::deque<Shown>& shown() const { return shown_; }

@@ -33,7 +33,7 @@ if(CLI11_FOUND)
   set_target_properties(storm PROPERTIES MARGAY_EFFORT program)
 endif()
 if(MARGAY_SANITIZE STREQUAL "thread")
-  # The storm has one thread: ThreadSanitizer has little to find, and its build takes long. `ninja storm` builds it.
+  # The storm has one thread, so ThreadSanitizer can find little, and its build takes long. `ninja storm` builds it.
   set_target_properties(margay_storm PROPERTIES EXCLUDE_FROM_ALL TRUE)
   if(TARGET storm)
     set_target_properties(storm PROPERTIES EXCLUDE_FROM_ALL TRUE)

@@ -98,11 +98,11 @@ void World::build() {
     ctx_->events().user = this;
 }
 
-// In a callback or a hook of the library.
+// The library calls this in a callback or a hook.
 void World::meddle(std::uint32_t number) {
     if (!meddling_) return;
     slots_[number * 7 % kSlots].cancel();
-    // A bring-up makes more than five events: without a bound it would begin again for ever.
+    // A bring-up has more than five events. Without a limit it would start again for ever.
     if (plan_.settings.callback == 3 && number % 5 == 2 && number < 500) supervision_.cancel();
 }
 
@@ -131,7 +131,7 @@ void World::pass(Time until) {
     if (until != kNever) osal_.set(until);
 }
 
-// The owner waits in a call of the library.
+// Called while the owner waits in a call of the library.
 void World::wait_in_call(Time until) {
     const Time before = osal_.now();
     if (until == kNever && world_steps_.empty())
@@ -232,13 +232,13 @@ void World::cycle_group(std::uint8_t group) {
         on_their_way_[group].clear();
         return;
     }
-    // Overlapped cycles: no thread may send while the group is mapped again.
+    // With overlapped cycles, no thread may send while the group is mapped again.
     if (plan_.settings.in_flight > 1)
         for (const auto& slot : slots_)
             if (slot.operation && slot.operation->request().busy() &&
                 (kinds()[slot.operation->kind()].name == "map" || kinds()[slot.operation->kind()].name == "scan"))
                 return;
-    // A request may have mapped the group since: its cycles are counted from the beginning.
+    // A request may have mapped the group since then. Its cycles are counted from the beginning of the new mapping.
     if (std::exchange(mappings_[group], ctx_->group(group).mappings) != ctx_->group(group).mappings)
         on_their_way_[group].clear();
     look_around();

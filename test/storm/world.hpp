@@ -83,7 +83,7 @@ class World {
         Time at{};
         Step step;
     };
-    // Whether SyncManager 1 of a slave that is known to take part had a message before and after a cycle was sent.
+    // Whether SyncManager 1 of a slave that takes part had a message before and after a cycle was sent.
     enum class Mailbox : std::uint8_t { unknown, empty, full };
     // A cycle, and the slaves that were reachable when its frames passed. Frames pass the simulated segment at the
     // time of sending.
@@ -218,7 +218,7 @@ class World {
     std::vector<std::uint32_t> ids_;
     bool hostile_ = false;  // frames were damaged without detection by the FCS: process data cannot be checked
 
-    // Whether a device is in the ring, and its station address; since when both are so.
+    // Whether a device is in the ring, its station address, and the time since which both are unchanged.
     struct Presence {
         bool there = false;
         std::uint16_t station = 0;
@@ -228,7 +228,7 @@ class World {
     std::vector<Presence> presence_;
     std::vector<AlState> states_;  // by slave, at the last check_states()
     Time looked_at_{};             // the time of the last check_states()
-    bool disturbed_ = false;       // frames were lost, delayed or doubled, or polls were late
+    bool disturbed_ = false;       // frames were lost, delayed or duplicated, or polls were late
     bool disturbed_much_ = false;  // so many that a reply may be lost again and again
     struct HostileWrite {
         std::array<std::byte, 8> data{};
@@ -252,7 +252,7 @@ class World {
     std::vector<std::deque<Cycle>> on_their_way_;
     std::vector<std::uint32_t> mappings_;  // of each group, when it was sent last
     std::vector<std::uint32_t> baseline_;  // devices that were in OP when the steps began
-    // What is known of the process data of a slave before it is there.
+    // The information about the process data of a slave before the slave is present.
     struct KeptPlace {
         std::vector<PdoEntry> entries;
         std::vector<Pdo> pdos;
@@ -261,8 +261,8 @@ class World {
         SlaveConfiguration config;
     };
     std::map<std::uint32_t, KeptPlace> kept_;   // by device
-    std::vector<std::uint32_t> away_;           // devices that are not there when the segment is brought up
-    std::vector<std::uint32_t> segment_order_;  // of the ring, when all were there
+    std::vector<std::uint32_t> away_;           // devices that are absent when the segment is brought up
+    std::vector<std::uint32_t> segment_order_;  // order of the ring when all devices were present
     std::vector<std::uint32_t> group_;          // devices of the hot connect group, the head first
     std::vector<SlaveToSlave> copies_;          // of all groups
     std::vector<std::vector<std::byte>> shared_memory_;
@@ -297,7 +297,7 @@ class World {
     Time deadline_{};
     std::size_t arena_level_ = 0;
     std::vector<void*> hoarded_;
-    // Of each group: when it was sent last, and after how many equal intervals.
+    // For each group: the time of the last sending, and the number of equal intervals before it.
     struct Pace {
         Time last = Time::min();
         unsigned equal = 0;

@@ -1,4 +1,4 @@
-// What a plan expects of its segment: wrong slaves, missing ones, slaves that are switched off at first, and a hot
+// The segment that a plan expects: wrong slaves, missing slaves, slaves that are switched off at first, and a hot
 // connect group.
 #include "storm/world.hpp"
 #include "wire/sii.hpp"
@@ -11,10 +11,10 @@ constexpr std::uint8_t kMostEntryBits = 64;
 
 }  // namespace
 
-// The devices that hang at this one, and behind it, itself first.
+// The device itself, then the devices that are connected to it and behind it.
 std::vector<std::uint32_t> World::group_behind(std::uint32_t head) const {
     std::vector<std::uint32_t> found{head};
-    for (std::uint32_t n = head + 1; n < plan_.devices.size(); ++n) {  // a parent stands before its children
+    for (std::uint32_t n = head + 1; n < plan_.devices.size(); ++n) {  // a parent is before its children
         const auto parent = plan_.devices[n].parent;
         const bool behind = std::ranges::any_of(
             found, [&](std::uint32_t one) { return parent == static_cast<std::int32_t>(ids_[one]); });
@@ -23,7 +23,8 @@ std::vector<std::uint32_t> World::group_behind(std::uint32_t head) const {
     return found;
 }
 
-// One device and all behind it, if they are what their SIIs say. The head is known by an alias.
+// Chooses one device and all devices behind it, if they are the devices that their SIIs describe. The head is
+// identified by an alias.
 void World::choose_group() {
     if (plan_.settings.expect != 5) return;
     if (segment_.size() > 1) group_ = group_behind(1 + static_cast<std::uint32_t>(plan_.seed % (segment_.size() - 1)));
@@ -52,7 +53,7 @@ void World::choose_away() {
             break;
 }
 
-// Of the devices that are away, or may go as a group: what they exchange, as the PDOs of their setup tell it.
+// The process data of the devices that are away or may leave as a group, as the PDOs of their setup describe it.
 void World::keep_places() {
     choose_away();
     segment_order_ = segment_.order();
@@ -100,8 +101,8 @@ void World::switch_away() {
     run_for(std::chrono::milliseconds(5));
 }
 
-// Some time after the steps have begun they come, in the order of the ring: equal slaves are distinguished by this
-// order alone.
+// Some time after the steps have begun the devices come, in the order of the ring. Only this order distinguishes equal
+// slaves.
 void World::come_back() {
     Time at = osal_.now() + std::chrono::milliseconds(plan_.seed % 200);
     auto order = away_;
@@ -114,7 +115,7 @@ void World::come_back() {
     }
 }
 
-// By what the first scan has found.
+// Uses the slaves that the first scan has found.
 void World::expect_slaves() {
     const auto slaves = ctx_->slaves();
     expected_.clear();
@@ -122,7 +123,7 @@ void World::expect_slaves() {
     std::uint16_t number = 0;
     bool wanted_is_missing = plan_.settings.expect == 2 || plan_.settings.expect == 3;
     for (const Slave& slave : slaves) {
-        const auto devices = devices_at(slave.number);  // of the time before some were switched off
+        const auto devices = devices_at(slave.number);  // at the time before some devices were switched off
         const auto device = devices.empty() ? std::uint32_t{0xFFFF'FFFF} : devices.front();
         ExpectedSlave wanted{.vendor = slave.identity.vendor, .product = slave.identity.product};
         if (const auto kept = kept_.find(device); kept != kept_.end()) wanted.config = &kept->second.config;
@@ -139,7 +140,7 @@ void World::expect_slaves() {
         }
         expected_.push_back(wanted);
     }
-    // In the order of the ring, which is that of the first scan.
+    // The order of the ring is the order of the first scan.
     for (const auto n : segment_order_)
         if (members.contains(n)) expected_.push_back(members[n]);
     if (plan_.settings.expect == 2 && !expected_.empty()) {

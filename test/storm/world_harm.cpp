@@ -1,4 +1,4 @@
-// Harm to one device: hostile register writes, and writes to its EEPROM that end early.
+// Faults of one device: hostile register writes, and writes to its EEPROM that end early.
 #include "storm/world.hpp"
 
 #include "wire/esc.hpp"
@@ -16,7 +16,7 @@ void World::insert_due(const Due& due) {
     world_steps_.insert(std::ranges::find_if(world_steps_, later), due);
 }
 
-// 0 where the device is cut off: a request would reach another device with its address, or none.
+// Returns 0 if the device is disconnected, because a request would reach another device with its address, or no device.
 std::uint16_t World::slave_at(std::uint32_t device) {
     look_around();
     if (!reachable_[device]) return 0;
@@ -33,7 +33,7 @@ void World::hostile_write(const Step& step) {
     if (slave == 0) return;
     auto& write = hostile_writes_.emplace_back();
     std::uint64_t value = step.args[2];
-    // A start time counts from now on.
+    // A start time is relative to the present time.
     if (step.args[1] == wire::reg::kSyncStartTime.address) value += segment_.slave(*device).clock().copy(osal_.now());
     for (std::size_t n = 0; n < write.data.size(); ++n) write.data[n] = static_cast<std::byte>(value >> (8 * n));
     write.request.slave = slave;
@@ -50,8 +50,8 @@ void World::hostile_write(const Step& step) {
 
 // ------------------------------------------------------------------ EEPROM
 
-// Writes the configuration area of an EEPROM with another alias. `how` 1: the reserved words are such that the words
-// up to the first of them, together with the old checksum, look right.
+// Writes the configuration area of an EEPROM with another alias. `how` 1: the reserved words have values with which the
+// words up to the first reserved word, together with the old checksum, look right.
 void World::update_eeprom(const Step& step) {
     const auto device = number_of(step.args[0]);
     const auto slave = device ? slave_at(*device) : std::uint16_t{0};
@@ -81,7 +81,7 @@ void World::update_eeprom(const Step& step) {
     make_dirty(*device);
 }
 
-// A device whose EEPROM or program is not any more what it was. A head of a group without its alias is not recognised.
+// Marks a device whose EEPROM or program has changed. A head of a group without its alias is not recognised.
 void World::make_dirty(std::uint32_t device) {
     dirty_[device] = true;
     if (!group_.empty() && device == group_.front())
@@ -95,7 +95,7 @@ void World::eeprom_deaf(std::uint32_t device, std::uint32_t milliseconds) {
                 {0, Op::eeprom_nacks, {ids_[device], 0}}});
 }
 
-// At any moment the configuration area is the old one, the new one, or has a checksum that tells.
+// At any moment the configuration area is the old area, the new area, or has a wrong checksum.
 void World::check_eeproms() {
     for (auto& [device, update] : updates_) {
         const Bytes image = segment_.slave(device).sii().image();
@@ -122,7 +122,7 @@ void World::check_acknowledged(const Request& request, std::uint32_t device, Tim
     if (request.error().code != Errc::sii_nack || faulty_eeproms_.contains(device) || hostile_registers_ || hostile_)
         return;
     const auto& quirks = plan_.devices[device].quirks;
-    // A blank EEPROM does not say its size: the application may write behind its end.
+    // A blank EEPROM does not contain its size, so the application may write behind its end.
     if (2U * request.error().word() + 2U > segment_.slave(device).sii().image().size()) return;
     if (std::ranges::find(quirks, "sii_nacks") != quirks.end() || presence_[device].since > since) return;
     std::array<char, 300> text{};

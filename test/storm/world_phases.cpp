@@ -32,7 +32,8 @@ struct Hooks {
         if (world.plan_.settings.hooks == 1 && world.hook_calls_ % 4 != 0)
             return Error{.code = Errc::busy, .slave = slave.number()};
         if (world.plan_.settings.hooks == 4) world.meddle(world.hook_calls_ / 3);
-        // The remainder moves: otherwise, where few tasks make slaves start in turn, the same slave fails for ever.
+        // The remainder changes. Otherwise, when few tasks start the slaves in turn, the same slave would fail for
+        // ever.
         if (world.plan_.settings.hooks == 2 && (world.hook_calls_ + world.hook_calls_ / 64) % 16 == 5)
             return Error{.code = Errc::check_failed, .slave = slave.number()};
         return Result<>();
@@ -82,7 +83,7 @@ void World::blame(const char* rule, const Error& error) {
         if (plan_.settings.expect < 2) fail(rule, words);
         return;
     }
-    const auto named = devices_at(error.slave);  // a device that is cut off may keep the address of another one
+    const auto named = devices_at(error.slave);  // a disconnected device may keep the address of another device
     if (std::ranges::any_of(named, [this](std::uint32_t n) { return clean(n); })) fail(rule, words);
 }
 
@@ -99,8 +100,8 @@ Result<> World::scan_now() {
     return found ? Result<>() : Result<>(found.error());
 }
 
-// Maps all groups. Where frames are lost or hooks fail, a mapping that fails is repeated, as an application would: a
-// slave whose process data is unknown has no place until then.
+// Maps all groups. If frames are lost or hooks fail, a failed mapping is repeated, as an application would do. Until
+// then a slave whose process data is unknown has no place.
 void World::map_all() {
     for (std::uint8_t g = 0; g < images_.size(); ++g) {
         if (plan_.settings.bring_up_drop != 0) lose_frames();

@@ -11,7 +11,7 @@ using namespace std::chrono_literals;
 
 // ------------------------------------------------------------------ requests
 
-// How long a request may at least take before it ends with a timeout; zero: it is not known here.
+// Returns the minimum time of a request before it ends with a timeout; zero: unknown.
 Duration World::patience_of(const Slot& slot) {
     constexpr Duration kEachAnswer = 3s;
     const KindInfo& of = kinds()[slot.operation->kind()];
@@ -46,7 +46,7 @@ void World::check_ends() {
 
 // ------------------------------------------------------------------ lost slaves
 
-// Call it when cables, power or addresses may have changed.
+// Must be called when cables, power or addresses may have changed.
 void World::note_presence(bool ring_changed) {
     if (ring_changed) {
         std::fill(in_ring_.begin(), in_ring_.end(), false);
@@ -60,14 +60,15 @@ void World::note_presence(bool ring_changed) {
 }
 
 // The search gives its own addresses to devices that it has to identify. A device that answers at the address of a
-// slave that was there before is identified by its address.
+// slave that was present before is identified by its address.
 void World::check_renamed(std::uint32_t device, std::uint16_t now) {
     constexpr std::uint16_t kNewcomers = 0x0D00;
     constexpr std::uint16_t kNewcomersMask = 0xFF00;
     if (hostile_ || hostile_registers_ || (now & kNewcomersMask) != kNewcomers) return;
     const auto before = presence_[device].station;
     const auto has_it = [before](const Presence& one) { return one.there && one.station == before; };
-    if (std::ranges::count_if(presence_, has_it) != 1) return;  // of two devices with one address, one is a newcomer
+    // if two devices have one address, one of them is a newcomer
+    if (std::ranges::count_if(presence_, has_it) != 1) return;
     for (const Slave& slave : ctx_->slaves())
         if (slave.seen && slave.station_address.value == before)
             fail("a slave with its address is taken for a newcomer", place(slave.number) + story());
@@ -81,9 +82,10 @@ void World::check_lost(std::uint16_t number, Time at, const char* how) {
     std::vector<std::uint32_t> there;
     for (std::uint32_t n = 0; n < presence_.size(); ++n)
         if (is_there(n)) there.push_back(n);
-    // Of two devices with one address, the master cannot know which one has answered, and both lose the address.
+    // If two devices have one address, the master cannot know which of them has answered, and both lose the address.
     if (there.size() != 1 || renamed_.contains(there[0])) return;
-    // A device that was cut off during a scan comes back with the address that another slave has got: not that slave.
+    // A device that was disconnected during a scan comes back with an address that now belongs to another slave. The
+    // device is not this slave.
     constexpr std::size_t kProductAt = 20;  // SII word 0x000A
     const auto& sii = segment_.slave(there[0]).sii().image();
     const std::uint32_t known = ctx_->slave(number).identity.product;
@@ -93,7 +95,7 @@ void World::check_lost(std::uint16_t number, Time at, const char* how) {
 
 void World::check_states() {
     const auto slaves = ctx_->slaves();
-    // A call that has waited may have read the states at any time since the last look.
+    // A call that has waited may have read the states at any time since the last check.
     const Time last_look = std::exchange(looked_at_, osal_.now());
     if (states_.size() != slaves.size()) states_.assign(slaves.size(), AlState::none);
     for (const Slave& slave : slaves) {
@@ -108,7 +110,7 @@ void World::check_states() {
 
 namespace {
 
-// Quirks with which the process data of a device is what it is without them, or cannot be read.
+// Quirks that do not change the process data of a device, or with which the process data cannot be read.
 constexpr std::array<std::string_view, 19> kSameBits{
     "old_mail",        "counter_zero",  "replies_twice",   "emergency_first", "ethernet_first",
     "mail_for_others", "mailbox_full",  "slow_replies",    "never_replies",   "overlong_replies",
@@ -117,24 +119,24 @@ constexpr std::array<std::string_view, 19> kSameBits{
 
 bool keeps_bits(const DevicePlan& device, const Slave& slave) {
     constexpr unsigned kAsked = mailbox_protocol::kCoE | mailbox_protocol::kSoE;
-    if (device.name == "modular_io") return false;  // the storm changes what is plugged in
+    if (device.name == "modular_io") return false;  // the storm changes its plugged modules
     return std::ranges::all_of(device.quirks, [&](const std::string& quirk) {
         if (quirk == "sii_no_pdos" || quirk == "sii_sync_managers_off")
-            return (slave.mailbox.protocols & kAsked) != 0;  // it can be asked
+            return (slave.mailbox.protocols & kAsked) != 0;  // its process data can be read by mail
         return std::ranges::find(kSameBits, quirk) != kSameBits.end();
     });
 }
 
 }  // namespace
 
-// After a mapping each slave that was there all the time, and of which the master does not say that its process data is
-// unknown, has the process data of its device.
+// After a mapping each slave that was present all the time has the process data of its device, unless the master
+// reports that the process data is unknown.
 void World::check_bits(std::uint8_t group, Time since) {
     if (hostile_ || hostile_registers_ || !ctx_->group(group).mapped) return;
     note_presence(true);
     for (const Slave& slave : ctx_->slaves()) {
         if (slave.config.group != group || slave.held || slave.config.highest < AlState::safeop) continue;
-        // A slave that was given this group during the mapping need not be placed.
+        // A slave that was moved to this group during the mapping need not have a place.
         if (const auto at = regrouped_.find(slave.number); at != regrouped_.end() && at->second >= since) continue;
         if (slave.al.state == AlState::none || slave.pdos_failed || slave.unplaced || slave.hook_failed) continue;
         for (std::uint32_t n = 0; n < presence_.size(); ++n) {

@@ -1,5 +1,5 @@
-// Rules about what the cycle carries: queued datagrams within their budget, the status of mailboxes; about the rings of
-// the context; and sequences without memory.
+// Rules about the contents of the cycle (queued datagrams within their budget, the status of mailboxes), about the
+// rings of the context, and about sequences without memory.
 #include "api/master.hpp"
 #include "storm/world.hpp"
 #include "wire/esc.hpp"
@@ -8,7 +8,7 @@
 
 namespace margay::storm {
 
-// Before init() everything can be read, and slaves that do not exist can be written.
+// Before init() all facts can be read, and slaves that do not exist can be written.
 void World::read_what_is_not_there() {
     if (ctx_->errors().take() || ctx_->warnings().take() || ctx_->events().take() ||
         ctx_->statistics().frames_sent != 0 || emergencies(*ctx_, 1).take())
@@ -27,7 +27,7 @@ void World::note_interval(std::uint8_t group) {
     pace.last = osal_.now();
 }
 
-// While the cycles of any group keep their interval, queued datagrams leave with them: poll() sends no frame.
+// While the cycles of any group keep their interval, queued datagrams are sent with them, and poll() sends no frame.
 void World::check_poll(std::uint64_t frames_before) {
     const Settings& s = plan_.settings;
     const Duration period = std::chrono::microseconds(s.cycle_us);
@@ -38,7 +38,7 @@ void World::check_poll(std::uint64_t frames_before) {
             fail("poll() sends queued datagrams although cycles keep their interval", "group " + std::to_string(g));
 }
 
-// With a cycle at most the budget of the group is sent, or one datagram that is longer.
+// A cycle sends queued datagrams up to the budget of the group, or one longer datagram.
 void World::check_budget(std::uint8_t group, const ChaosNic::Sent& before) {
     if (plan_.settings.in_flight > 1) return;
     const ProcessGroup& of = master_of(*ctx_)->network.process.groups[group];
@@ -73,7 +73,7 @@ std::vector<World::Mailbox> World::look_at_mailboxes(std::uint8_t group) {
     return all;
 }
 
-// The image has the status of each slave whose inputs it has, whatever happened to other slaves.
+// The image contains the mailbox status of each slave whose inputs it contains, whatever happened to other slaves.
 void World::check_mailboxes(std::uint8_t group, const Cycle& cycle) {
     if (hostile_ || hostile_registers_ || cycle.mapping || cycle.send_error != Errc::none) return;
     const Group& of = ctx_->group(group);
@@ -91,7 +91,7 @@ void World::check_mailboxes(std::uint8_t group, const Cycle& cycle) {
 
 // ------------------------------------------------------------------ threads, rings, memory
 
-// Another thread calls what belongs to the owner.
+// Another thread makes calls that only the owner may make.
 void World::check_ownership() {
     const Errc received = receive_processdata(*ctx_, Duration{0}).error().code;
     const Errc tolerated = tolerate(*ctx_, {}).error().code;
