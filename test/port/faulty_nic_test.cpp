@@ -1,4 +1,4 @@
-// The suite finds faulty NICs: each of these has one fault that drivers really have.
+// The suite finds faulty NICs. Each NIC has one fault that real drivers have.
 #include "port/host.hpp"
 
 #include <margay/parts/osal/virtual/virtual_osal.hpp>
@@ -237,7 +237,8 @@ TEST_F(FaultyNics, TheRestOfACutFrameComesNext) {
     expect_found(nic, "a long frame is cut to the memory, and its rest is gone");
 }
 
-// Each interrupt of the NIC is for the frames that have come by then: one that is left there raises no other.
+// Each interrupt of the NIC is for all frames that have arrived until then. A frame that stays in the NIC causes no
+// other interrupt.
 TEST_F(FaultyNics, AFrameThatIsLeftRaisesNoInterrupt) {
     struct : FilterNic {
         using FilterNic::FilterNic;
@@ -321,7 +322,7 @@ TEST_F(FaultyNics, TheSameFrameComesForEver) {
     EXPECT_NE(host.text().find("receive() returns frames without an end"), std::string::npos) << host.text();
 }
 
-// The suite does not report frames as lost that come back in another way.
+// The suite does not report frames as lost that come back in a wrong way.
 class OddReplies : public FilterNic {
   public:
     OddReplies(Nic& inner, bool unmarked) : FilterNic(inner), unmarked_(unmarked) {}
@@ -554,7 +555,7 @@ TEST_F(FaultyNics, AFullQueueLosesWhatItSaysItHasSent) {
 }
 
 TEST_F(FaultyNics, AFrameThatIsThereDoesNotEndAWait) {
-    // An interrupt by the edge, and nothing that remembers it.
+    // An edge-triggered interrupt, and no flag that stores it.
     struct Edge : FilterNic {
         Edge(Nic& inner, VirtualOsal& osal) : FilterNic(inner), clock(osal) {}
         VirtualOsal& clock;
@@ -597,7 +598,7 @@ TEST_F(FaultyNics, NothingIsConnected) {
     EXPECT_EQ(std::ranges::count(host.failed(), "a slave answers"), 1) << host.text();
 }
 
-// Times of a NIC that has them, with one fault.
+// A NIC with times of frames, which has one fault.
 struct FaultyTimes : FaultyNics {
     SimulatedNic timed{segment, osal, {.queue_frames = 16, .time_stamps = true, .timed_frames = 4}};
 

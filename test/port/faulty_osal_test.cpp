@@ -1,4 +1,4 @@
-// The suite finds faulty Osals: each of these has one fault that ports really have.
+// The suite finds faulty Osals. Each Osal has one fault that real ports have.
 #include "port/host.hpp"
 
 #include <margay/parts/osal/virtual/virtual_osal.hpp>
@@ -18,7 +18,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Right, unless a test says otherwise.
+// All functions are right, unless a test replaces them.
 class FaultyOsal : public Osal {
   public:
     Time now() noexcept override { return real.now(); }
@@ -139,7 +139,7 @@ TEST(FaultyOsals, AWakeIsNeverCleared) {
     } osal;
     Host host;
     (void)check_port(host.port(osal));
-    // The first wake() of the suite spoils all later waits.
+    // The first wake() of the suite makes all later waits wrong.
     EXPECT_EQ(std::ranges::count(host.failed(), "wake() ends one wait(), not all later ones"), 1) << host.text();
 }
 
@@ -261,7 +261,7 @@ TEST(FaultyOsals, OnlyOneSleeperIsWoken) {
     expect_found(osal, "wake_sleepers() ends the sleep of all threads");
 }
 
-// Releases the thread that it has let sleep for ever.
+// Releases the thread that sleeps without an end.
 TEST(FaultyOsals, ASleepWithoutALimitDoesNotEnd) {
     struct : FaultyOsal {
         std::atomic<bool> over{false};
@@ -335,7 +335,7 @@ TEST(FaultyOsals, TwoThreadsDisturbTheClock) {
     expect_found(osal, "now() is right when two threads call it");
 }
 
-// Nothing can report a suite that stops, but its last line names the check.
+// A suite that hangs cannot report the fault, but its last line names the check.
 TEST(FaultyOsals, AWaitThatNeverEndsIsNamed) {
     struct : FaultyOsal {
         std::atomic<bool> stopped{false};

@@ -1,4 +1,4 @@
-// How many ticks osal/freertos asks for, with the types of a kernel whose ticks have 64 bits.
+// The number of ticks that osal/freertos requests, with the types of a kernel whose ticks have 64 bits.
 #include "osal/freertos/freertos_osal.cpp"
 
 #include <gtest/gtest.h>

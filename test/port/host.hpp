@@ -1,5 +1,5 @@
-// What the test programs of a hosted system give to the suite: its lines, a second thread, a second clock, and a slave
-// at the far end of a cable.
+// The parts that the test programs of a hosted system give to the suite: output of lines, a second thread, a second
+// clock, and a slave at the far end of a cable.
 #pragma once
 
 #include "port/suite/port_suite.hpp"
@@ -78,7 +78,7 @@ class Host {
     std::vector<std::jthread> threads_;
 };
 
-// A slave in a thread of its own, at the far end of a real cable.
+// A slave in its own thread, at the far end of a real cable.
 class SlaveOnCable {
   public:
     explicit SlaveOnCable(PacketNic& nic) : nic_(nic) {

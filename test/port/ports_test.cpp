@@ -66,11 +66,11 @@ TEST(Ports, PosixOsalWithoutAFreeFileDescriptorPassesAllButWake) {
     ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &old), 0);
     Host host;
     const auto verdict = check_port(host.port(osal));
-    // Each wait() takes 1 ms at most, so that a lost wake() costs no more than that.
+    // Each wait() lasts at most 1 ms, so a lost wake() delays by at most 1 ms.
     EXPECT_EQ(verdict.failed, 0u) << host.text();
 }
 
-// A signal handler may call it.
+// A signal handler may call this function.
 TEST(Ports, WakeKeepsErrno) {
     PosixOsal osal;
     errno = ENOENT;
@@ -104,7 +104,7 @@ TEST(Ports, VirtualOsalAndSimulatedNicPass) {
                      "wake_sleepers() ends a sleep without a limit", "wake() ends a wait() for the NIC"}));
 }
 
-// A NIC that has them is checked for "sent at", "received at" and "send at" too.
+// For a NIC that has these times, the suite also checks "sent at", "received at" and "send at".
 TEST(Ports, ASimulatedNicWithTimesPasses) {
     Host host;
     VirtualOsal osal;

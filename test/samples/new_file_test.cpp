@@ -87,7 +87,8 @@ TEST_F(NewFileTest, ALinkThatLeadsToNoFileIsRefused) {
     EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 1);
 }
 
-// As /dev/stdout is, when a shell has opened a file for it: the program would replace the file below the shell.
+// This is the case of /dev/stdout when a shell has opened a file for it: the program would replace the file that the
+// shell uses.
 TEST_F(NewFileTest, AnOpenFileIsRefused) {
     folder.write("a", "old");
     const std::unique_ptr<std::FILE, CloseFirmware> open(std::fopen(at("a").c_str(), "ab"));

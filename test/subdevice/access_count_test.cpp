@@ -1,4 +1,4 @@
-// The accesses to the ESC in a step in which nothing happens: on a board each of them is a transfer on the SPI.
+// The accesses to the ESC in a step without work. On a board each access is a transfer on the SPI.
 #include "bench_device.hpp"
 
 namespace margay::subdevice {
@@ -14,7 +14,7 @@ class IdleSteps : public ::testing::TestWithParam<RunMode> {
         bench.configure(128);
         (void)bench.request(2);
     }
-    // The accesses of one step, after the steps before have done all that was left.
+    // Returns the accesses of one step, after earlier steps have done all pending work.
     std::uint64_t idle() {
         bench.settle();
         const auto before = bench.esc.accesses;
@@ -42,13 +42,14 @@ TEST_P(IdleSteps, ReadTheEventsAndNothingElse) {
     EXPECT_EQ(idle(), 1u) << "OP";
 }
 
-// With a full mailbox, the event of SM0 stays active: the message is not read, and its SyncManager is not asked.
+// With a full mailbox, the event of SM0 stays active. The device does not read the message or the status of the
+// SyncManager.
 TEST_P(IdleSteps, ReadTheEventsAndNothingElseWhileAllSlotsAreFull) {
     while (bench.send(wire::MailboxType::coe, sdo_request(0x40, 0x1000, 0))) bench.settle();
     EXPECT_EQ(idle(), 1u);
 }
 
-// A master that has switched the PDI interrupts of the mailboxes off: the status octets are all that there is.
+// The master has switched off the PDI interrupts of the mailboxes, so only the status octets show messages.
 TEST_P(IdleSteps, AskTheSyncManagersThatRaiseNoEvents) {
     ASSERT_EQ(bench.request(1).state, AlState::init);
     bench.esc.configure(0, {0x1000, 128, 0x06, 1});
@@ -60,7 +61,7 @@ TEST_P(IdleSteps, AskTheSyncManagersThatRaiseNoEvents) {
     EXPECT_EQ(idle(), 3u) << "and of SM1 while a reply waits";
 }
 
-// A master that begins again with the mailboxes: SM1 is empty, and no event says that the reply has been read.
+// The master starts again with the mailboxes. SM1 is empty, and no event shows that the reply was read.
 TEST_P(IdleSteps, AMailboxThatTheMasterHasEmptiedIsFilledAgain) {
     ASSERT_TRUE(bench.send(wire::MailboxType::coe, sdo_request(0x40, 0x1000, 0)));
     bench.settle();

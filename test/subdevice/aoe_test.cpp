@@ -54,7 +54,7 @@ class AoeServerTest : public ::testing::Test {
         all.insert(all.end(), data.begin(), data.end());
         return all;
     }
-    // The data of the response; its header must be the answer to the request.
+    // Returns the data of the response. Its header must be the answer to the request.
     Octets exchange(const Octets& message, unsigned error = 0) {
         EXPECT_TRUE(bench.send(wire::MailboxType::aoe, message));
         (void)bench.step();
@@ -121,10 +121,10 @@ TEST_F(AoeServerTest, FindsDevicesByNetIdAndPort) {
     EXPECT_EQ(server.net_id(), (AoeNetId{{5, 5, 5, 5, 5, 5}}));
     EXPECT_EQ(exchange(request(2, at({1, 0, 0, 0}), 5, 20)), octets_from({0, 0, 0, 0, 1, 0, 0, 0, 1}));
     EXPECT_EQ(exchange(request(2, at({1, 0, 0, 0}), 0, 20), 7), Octets{}) << "the NetID before";
-    // The same write to a device behind the slave is not for the slave.
+    // The same write to a device behind the slave does not change the NetID of the slave.
     EXPECT_EQ(exchange(request(3, set, 8, 21)), octets_from({0x02, 0x07, 0, 0}));
     EXPECT_EQ(server.net_id(), (AoeNetId{{5, 5, 5, 5, 5, 5}}));
-    // A NetID of five octets is none.
+    // A NetID of five octets is invalid.
     EXPECT_EQ(exchange(request(3, octets_from({1, 0, 0, 0, 3, 0, 0, 0, 5, 0, 0, 0, 4, 4, 4, 4, 4}), 5, 20)),
               octets_from({0x02, 0x07, 0, 0}));
 }
@@ -142,7 +142,7 @@ TEST_F(AoeServerTest, HostileRequestsGetAnErrorOfTheHeader) {
     Octets length = request(4, {});
     length[20] = std::byte{1};
     EXPECT_EQ(exchange(length, 0x0E), Octets{});
-    // More octets than a mailbox has.
+    // The request is for more octets than a mailbox can carry.
     EXPECT_EQ(exchange(request(2, at({0xFF, 0xFF, 0xFF, 0xFF}))), octets_from({0x05, 0x07, 0, 0}));
     EXPECT_EQ(exchange(request(2, at({55, 0, 0, 0}))), octets_from({0x05, 0x07, 0, 0}));
     EXPECT_EQ(exchange(request(2, at({54, 0, 0, 0}))).size(), 12U);
@@ -182,7 +182,7 @@ TEST_F(AoeServerTest, NotifiesInTheFormOfTheStandard) {
     EXPECT_EQ(Octets(first.begin() + 32, first.begin() + 40), octets_from({26, 0, 0, 0, 1, 0, 0, 0}));
     EXPECT_EQ(load_le<std::uint64_t>(first, 40), 17'000'000'001'234'567u) << "in units of 100 ns";
     EXPECT_EQ(Octets(first.begin() + 48, first.end()), octets_from({1, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 1, 2}));
-    // Nothing while the value is the same; then once.
+    // There is no notification while the value does not change, and one after a change.
     for (int n = 0; n < 10; ++n) {
         bench.esc.time += std::chrono::milliseconds(2);
         (void)bench.step();
@@ -192,7 +192,7 @@ TEST_F(AoeServerTest, NotifiesInTheFormOfTheStandard) {
     bench.esc.time += std::chrono::milliseconds(2);
     (void)bench.step();
     EXPECT_EQ(bench.receive(wire::MailboxType::aoe)[60], std::byte{6});
-    // A second one; a third finds no place; the end of the first makes a place.
+    // A second notification is added. There is no place for a third. The end of the first notification frees a place.
     EXPECT_EQ(exchange(add(2, 4, 10)), octets_from({0, 0, 0, 0, 2, 0, 0, 0}));
     (void)bench.step();
     (void)bench.fetch();
@@ -200,7 +200,7 @@ TEST_F(AoeServerTest, NotifiesInTheFormOfTheStandard) {
     EXPECT_EQ(exchange(request(7, octets_from({3, 0, 0, 0}))), octets_from({0x14, 0x07, 0, 0}));
     EXPECT_EQ(exchange(request(7, octets_from({1, 0, 0, 0}))), kDone);
     EXPECT_EQ(exchange(request(7, octets_from({1, 0, 0, 0}))), octets_from({0x14, 0x07, 0, 0}));
-    // INIT ends all of them.
+    // INIT ends all notifications.
     (void)bench.request(1);
     bench.configure(kMailbox);
     (void)bench.request(2);

@@ -1,5 +1,5 @@
-// A device with two SyncManagers in each direction: when its outputs count as arrived, which of them drives it, in
-// which order values lie in the process image, and what its SII says.
+// A device with two SyncManagers in each direction: when its outputs count as arrived, which SyncManager starts the
+// update, the order of values in the process image, and the content of its SII.
 #include "subdevice/sii_image.hpp"
 #include "subdevice/standard_device.hpp"
 #include "subdevice/sync_objects.hpp"

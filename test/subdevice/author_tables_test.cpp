@@ -1,5 +1,5 @@
-// Tables of authors that are unusual, or wrong: complete access to numbers below eight bits, a mapping whose count the
-// master cannot write, limits of what is no number.
+// Unusual or wrong tables of authors: complete access to numbers below eight bits, a mapping whose count the master
+// cannot write, limits of values that are not numbers.
 #include "bench_device.hpp"
 
 namespace margay::subdevice::testing {
@@ -69,7 +69,7 @@ class AuthorTables : public ::testing::Test {
     MailHand hand{esc};
 };
 
-// ETG.1000.6 "SDO Download (complete access)": subindex 0 says how many entries the data have.
+// ETG.1000.6 "SDO Download (complete access)": subindex 0 contains the number of entries in the data.
 TEST_F(AuthorTables, CompleteAccessWritesTheEntriesOfItsCountOnly) {
     ASSERT_EQ(write_complete(0x2000, 0, {4, 0, 0b00'01'10'01}), Abort::none);
     EXPECT_EQ(levels(), (std::vector<int>{1, 2, 1, 0}));
@@ -86,7 +86,7 @@ TEST_F(AuthorTables, CompleteAccessChecksTheLimitsOfAllThatItWrites) {
     EXPECT_EQ(levels(), (std::vector<int>{1, 0, 1, 2})) << "a refused write changes nothing";
 }
 
-// The data of the request end behind one entry, and the count that they contain is not written.
+// The data of the request end after one entry, so the count in the data is not written.
 TEST_F(AuthorTables, ACountThatIsNotWritableDoesNotSayHowManyEntriesAreChecked) {
     EXPECT_EQ(write_complete(0x1600, 0, {8, 0, 8, 0, 0, 0}), Abort::none);
     EXPECT_EQ(Settings::map_count::load(image), 1);
@@ -110,7 +110,7 @@ TEST(AuthorLimits, TheLimitsOfAnUnsignedNumberAreNotNegative) {
     static_assert(well_formed(kOfHook, Settings::bytes));
 }
 
-// A table that is no constant expression is not refused by the compiler.
+// The compiler does not refuse a table that is not a constant expression.
 TEST(AuthorLimits, OctetsHaveNoLimits) {
     const Entry wrong[] = {octets(0, "Name", DataType::octet_string, od::kReadWrite, 0, 20).within(kLimits<0, 100>)};
     const Object object[] = {variable(0x2000, "Name", wrong)};
@@ -126,7 +126,7 @@ TEST(AuthorLimits, OctetsHaveNoLimits) {
     ObjectDictionary dictionary(object, image);
     SdoInformation information(dictionary);
     std::array<std::byte, 10> request{};
-    request[2] = std::byte{5};  // get entry description of 0x2000:0 with all that can be asked for
+    request[2] = std::byte{5};  // get entry description of 0x2000:0 with all value information
     store_le<std::uint16_t>(request, 6, 0x2000);
     request[9] = std::byte{0x7F};
     EXPECT_EQ(information.receive(request, 0, out), std::nullopt);

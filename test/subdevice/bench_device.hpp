@@ -213,8 +213,8 @@ class BenchApplication final : public ReportingApplication<3, 4, 3> {
     std::vector<std::byte> vast = std::vector<std::byte>(70'000, std::byte{0x5A});
     std::size_t vast_bytes = 70'000;
     StoredValues* stored = nullptr;
-    Duration work{};     // the time that the cyclic function takes,
-    Duration copying{};  // and that of a copy of the inputs
+    Duration work{};     // duration of the cyclic function,
+    Duration copying{};  // and of a copy of the inputs
     Duration spent{};
     unsigned writes = 0;
     unsigned cycles = 0;
@@ -272,19 +272,19 @@ class Bench {
         return esc.al_status();
     }
     Time step() { return device->step(esc.time); }
-    // Executes steps until nothing is left to do at this time.
+    // Executes steps until there is no work left at this time.
     void settle() {
         for (int i = 0; i < 4; ++i) (void)step();
     }
 
-    // Writes a complete message without changes. False: the mailbox was full.
+    // Writes a complete message without changes. Returns false when the mailbox was full.
     bool put(const std::vector<std::byte>& message) {
         recording().push_back({false, message});
         return hand_.put(message);
     }
     // Sends data behind a mailbox header with the next counter.
     bool send(wire::MailboxType type, const std::vector<std::byte>& data) { return put(hand_.message(type, data)); }
-    // The message in SM1 with its header; empty when there is none.
+    // Returns the message in SM1 with its header; empty: there is no message.
     std::vector<std::byte> fetch() {
         auto message = hand_.fetch();
         if (message.empty()) return message;

@@ -44,7 +44,7 @@ TEST_P(ControlWords, EachIsAnsweredInWordsOfTheStandard) {
                     now.state == AlState::op)
             << word;
         EXPECT_EQ(now.error, now.code != 0) << word;
-        // No higher state than the next one, and none at all while an error stands.
+        // The device reaches no state above the next state, and no higher state while there is an error.
         const bool next = now.state == AlState::preop
                               ? before.state == AlState::init
                               : static_cast<unsigned>(now.state) == 2 * static_cast<unsigned>(before.state);
@@ -57,7 +57,7 @@ TEST_P(ControlWords, EachIsAnsweredInWordsOfTheStandard) {
         }
         EXPECT_EQ(bench.esc.locked(0), now.state == AlState::init) << word;
         EXPECT_EQ(bench.esc.locked(2), now.state < AlState::safeop) << word;
-        // It is still alive.
+        // The device still works.
         EXPECT_EQ(bench.request(0x11), (AlStatus{AlState::init, false, 0})) << word;
     }
 }

@@ -74,7 +74,7 @@ class EsmTest : public ::testing::Test {
         (void)step();
         return esc.al_status();
     }
-    // By the shortest legal way from INIT.
+    // Reaches the state by the shortest legal way from INIT.
     void bring_to(AlState state) {
         (void)request(0x11);
         if (state == AlState::boot) {
@@ -241,7 +241,7 @@ TEST_F(EsmTest, ProcessDataSettingsAreCheckedOneByOne) {
     EXPECT_EQ(request(0x14), ok(AlState::safeop)) << "nothing mapped, SM2 off";
 }
 
-// The author's description is wrong: the master sets what it says, and the ESC would mix up the data.
+// The description of the author is wrong. The master uses these settings, and the ESC would mix up the data.
 TEST_F(EsmTest, SyncManagersNeedMemoryOfTheirOwn) {
     using enum AlStatusCode;
     struct Case {
@@ -384,7 +384,7 @@ TEST_F(EsmTest, AnotherRequestDropsTheOneThatWaits) {
     EXPECT_EQ(esc.al_status(), ok(AlState::init));
 }
 
-// The checks before the question are the same as the first time.
+// The checks before the call of the application are the same as the first time.
 TEST_F(EsmTest, WhatChangesWhileATransitionWaitsIsCheckedAgain) {
     const auto wait = [](Transition, Time now) { return Verdict::wait(now + 10ms); };
     struct Change {
@@ -433,7 +433,7 @@ TEST_F(EsmTest, MailboxesThatChangeWhilePreopWaitsAreCheckedAgain) {
     EXPECT_EQ(esc.al_status(), refused(AlState::init, AlStatusCode::invalid_mailbox_configuration));
 }
 
-// A master that has requested INIT waits for INIT: it stops its outputs, and the watchdog ends OP on the way.
+// A master that has requested INIT waits for INIT and stops its outputs. Meanwhile the watchdog ends OP.
 TEST_F(EsmTest, ARequestForALowerStateSurvivesAFault) {
     for (const auto& [wanted, log] :
          {std::pair{1U, "OI? OIx OS! OS. SI? SI? SI! SI. "}, std::pair{2U, "OP? OPx OS! OS. SP? SP? SP! SP. "},
@@ -495,7 +495,7 @@ TEST_F(EsmTest, RepeatBitsOfTheMailboxSurviveLocking) {
 
 TEST_F(EsmTest, ExplicitDeviceIdentification) {
     for (const std::uint16_t position :
-         {std::uint16_t{0x1234}, std::uint16_t{7}}) {  // of a switch, which is read at each request
+         {std::uint16_t{0x1234}, std::uint16_t{7}}) {  // value of a switch, which is read at each request
         client.id = position;
         (void)request(0x21);
         EXPECT_EQ(esc.get<std::uint16_t>(0x0130), 0x21);

@@ -24,7 +24,7 @@ TEST(Indicators, FlashAsTheTableSays) {
     EXPECT_EQ(picture(static_cast<Flashing>(3), 2s), "####....####....####....................");
 }
 
-// After `lasts` the lamp changes, and not before.
+// The lamp changes after `lasts`, and not earlier.
 TEST(Indicators, EachCallSaysWhenTheNextIsDue) {
     for (unsigned code = 1; code <= 14; ++code) {
         const auto flashing = static_cast<Flashing>(code);
@@ -40,7 +40,7 @@ TEST(Indicators, EachCallSaysWhenTheNextIsDue) {
     EXPECT_EQ(lamp(Flashing::on, 1h).lasts, Duration::max());
 }
 
-// As in the first period, also after years.
+// The pattern is the same as in the first period, also after years.
 TEST(Indicators, FlashOnTheSameWayForEver) {
     for (unsigned code = 1; code <= 14; ++code) {
         const auto flashing = static_cast<Flashing>(code);
@@ -86,7 +86,7 @@ struct CountedPins final : IndicatorPins {
     bool error = false;
 };
 
-// The pins are what the functions say after each step, and are called for changes only.
+// After each step the pins have the values of the functions, and the pins are written only when they change.
 TEST_F(IndicatorsOfADevice, SwitchThePinsWhenALampChanges) {
     CountedPins pins;
     Indicators with_pins(bench.esc, &pins);

@@ -1,5 +1,5 @@
-// Events that interrupt() must not see again: events that no function can serve now stay masked, events for step() stay
-// active.
+// Events that interrupt() must not see again: events that no function can serve now are masked, and events for step()
+// stay active.
 #include "interrupted.hpp"
 
 namespace margay::subdevice {

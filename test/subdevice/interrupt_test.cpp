@@ -1,5 +1,5 @@
-// interrupt(), sync0() and sync1() beside step(): what the lock protects, and the master's reading of values while an
-// interrupt handler changes them.
+// interrupt(), sync0() and sync1() beside step(): the data that the lock protects, and reads of the master while an
+// interrupt handler changes the values.
 #include "interrupted.hpp"
 
 #include <atomic>
@@ -58,8 +58,7 @@ TEST_P(BetweenAnyTwoSteps, ASync0AtItsPinChangesNothingButTheProcessData) {
 INSTANTIATE_TEST_SUITE_P(Modes, BetweenAnyTwoSteps,
                          ::testing::Values(RunMode::polling, RunMode::mixed, RunMode::interrupts));
 
-// Complete access holds the lock for one value at a time. How often does an interrupt come between two values of
-// 0x2006?
+// Complete access holds the lock for one value at a time. The test counts the interrupts between two values of 0x2006.
 unsigned interrupts_between_values(const std::vector<std::byte>& request) {
     Interrupted rig(RunMode::mixed);
     unsigned found = 0;
@@ -91,7 +90,7 @@ TEST(CompleteAccess, AnInterruptExecutesBetweenTwoValues) {
     EXPECT_GT(interrupts_between_values(write), 0u);
 }
 
-// The same with a thread: interrupt() executes at any machine instruction of step() where the lock is free.
+// The same with a thread: interrupt() is executed at any machine instruction of step() at which the lock is free.
 class ThreadedEsc final : public EscAccess {
   public:
     explicit ThreadedEsc(PlainEsc& esc) : esc_(esc) {}
@@ -170,7 +169,7 @@ TEST(InterruptThread, ValuesThatTheMasterReadsAreOfOneUpdate) {
             EXPECT_EQ(load_le<std::uint32_t>(big), load_le<std::uint32_t>(big, 4));
             const auto block = upload(0x2003);
             EXPECT_EQ(block, std::vector<std::byte>(300, block.at(0)));
-            // An event of the SyncManagers: the state machine compares them with the mapping again.
+            // An event of the SyncManagers. The state machine compares them with the mapping again.
             locked([&] { plain.ecat_set<std::uint8_t>(0x081E, 1); });
             (void)device.step({});
         }

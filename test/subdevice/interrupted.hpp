@@ -59,7 +59,7 @@ class Interruptible final : public EscAccess {
     bool inside_ = false;
 };
 
-// Its cycle() changes several values that belong together.
+// A device whose cycle() changes several values that belong together.
 class CountingApplication final : public ReportingApplication<3, 4, 3> {
   public:
     CountingApplication(std::span<std::byte> image) : image_(image) {}
@@ -117,7 +117,7 @@ class Interrupted {
     }
     void put_outputs(int value) { (void)esc.ecat_write(0x1200, raw({value, value, 0, 1})); }
     [[nodiscard]] bool line() const { return (esc.events() & esc.get<std::uint32_t>(reg::kAlEventMask.address)) != 0; }
-    // As on hardware: the handler executes while the line is active, and step() after it.
+    // As on hardware, the handler is executed while the line is active, and step() after the handler.
     void run() {
         (void)device.step(esc.time);
         for (int i = 0; line(); ++i) {
@@ -163,7 +163,7 @@ class Interrupted {
         put_outputs(7);
         run();
         check_values();
-        esc.ecat_set<std::uint8_t>(0x081E, 1);  // the event of a SyncManager that stays as it is
+        esc.ecat_set<std::uint8_t>(0x081E, 1);  // the event of a SyncManager whose settings do not change
         run();
         ASSERT_EQ(esc.al_status(), (AlStatus{AlState::op, false, 0}));
         ASSERT_EQ(request(4), (AlStatus{AlState::safeop, false, 0}));

@@ -33,7 +33,7 @@ constexpr Entry kLimitedEntries[] = {
 constexpr Object kLimitedObjects[] = {record(0x7000, "Outputs", kLimitedEntries)};
 using LimitedStack = StandardDevice<kLimitedDevice, kLimitedObjects, LimitedValues>;
 
-// A table is wrong whose values begin outside of their limits, or whose limits leave no value.
+// A table is wrong if its initial values are outside of their limits, or if the limits permit no value.
 template <class T>
 bool right_table(T initial, const ValueLimits& limits) {
     const Entry entries[] = {value<Field<T, 0>>(0, "Value", kLimitedOut, initial).within(limits)};

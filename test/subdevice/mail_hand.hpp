@@ -40,12 +40,13 @@ class MailHand {
         std::copy_n(data.begin(), taken, out.begin() + wire::kMailboxHeaderBytes);
         return out;
     }
-    // Writes a message, cut or padded with zeros to the size of the mailbox. False: the mailbox is full.
+    // Writes a message, truncated or padded with zeros to the size of the mailbox. Returns false when the mailbox is
+    // full.
     bool put(std::vector<std::byte> message) {
         message.resize(bytes_);
         return esc_.ecat_write(0x1000, message);
     }
-    // The whole send mailbox; empty: there is no message.
+    // Returns the whole send mailbox; empty: there is no message.
     [[nodiscard]] std::vector<std::byte> fetch() {
         std::vector<std::byte> whole(bytes_);
         if (!esc_.ecat_read(0x1100, whole)) whole.clear();

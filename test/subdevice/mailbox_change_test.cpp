@@ -12,7 +12,7 @@ using namespace testing;
 constexpr std::uint16_t kMailbox = static_cast<std::uint16_t>(AlStatusCode::invalid_mailbox_configuration);
 constexpr std::uint16_t kBootMailbox = static_cast<std::uint16_t>(AlStatusCode::invalid_boot_mailbox_configuration);
 
-// The rewriting of both SyncManagers, as a master does it: off, the new setting, on.
+// Rewrites both SyncManagers as a master does: off, the new setting, on.
 void resize_mailboxes(PlainEsc& esc, std::uint16_t bytes) {
     esc.configure(0, {0x1000, bytes, 0x26, 0});
     esc.configure(1, {0x1100, bytes, 0x22, 0});
@@ -88,7 +88,7 @@ class Meddled final : public EscAccess {
     PlainEsc& esc_;
 };
 
-// A device whose mailbox memory has octets behind it that must stay as they are.
+// A device with guard octets behind its mailbox memory, which must not change.
 struct MeddledDevice {
     PlainEsc esc;
     Meddled access{esc};
@@ -120,7 +120,7 @@ struct MeddledDevice {
     }
 };
 
-// `bytes` in SM0 and SM1, and a message that fills SM0, before each access of the step that enters PREOP.
+// Sets `bytes` in SM0 and SM1, and writes a message that fills SM0, before each access of the step that enters PREOP.
 void meddle_at_start(std::uint16_t bytes) {
     unsigned strike = 0;
     for (;;) {
@@ -157,7 +157,7 @@ void meddle_at_start(std::uint16_t bytes) {
 TEST(MailboxChange, AtAnyAccessOfTheStartTheMemoryIsSafe) { meddle_at_start(3000); }
 TEST(MailboxChange, AtAnyAccessOfTheStartAShortMailboxIsRefused) { meddle_at_start(8); }
 
-// The same in PREOP, while the device takes a message.
+// The same in PREOP, while the device reads a message.
 TEST(MailboxChange, AtAnyAccessOfAStepAnotherSizeHasAnEnd) {
     unsigned strike = 0;
     for (;;) {

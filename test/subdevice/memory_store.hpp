@@ -1,5 +1,5 @@
-// A flash memory for stored values that is never broken. It needs no time, or it is busy for some calls, and finishes
-// the block with which a command began.
+// A flash memory for stored values without faults. It needs no time, or it is busy for some calls. It finishes the
+// block with which a command began.
 #pragma once
 
 #include "subdevice/stored_values.hpp"

@@ -1,4 +1,4 @@
-// A StandardDevice with values and PDOs of its own and modules: each PDO is where the assignment says, in the
+// A StandardDevice with its own values and PDOs and with modules. Each PDO is at the place in the assignment, in the
 // dictionary and in the SII.
 #include "subdevice/modules.hpp"
 
@@ -99,7 +99,7 @@ TEST_F(ModularStation, AModuleWhoseObjectTheDeviceHasItselfIsRefused) {
     EXPECT_EQ(modules.check(), AlStatusCode::unspecified);
 }
 
-// A master that maps by the SII has the process data where the assignment has them.
+// A master that maps by the SII finds the process data at the places of the assignment.
 TEST_F(ModularStation, TheSiiHasThePdosInTheOrderOfTheirAssignment) {
     plug(0x20, 0x20);
     SiiWorkspace<16, 64> workspace;

@@ -10,7 +10,7 @@ namespace {
 
 using namespace testing;
 
-// Two kinds with the same objects, a third one with a large value.
+// Two kinds of modules with the same objects, and a third kind with a large value.
 struct ScaleValues {
     Le<std::uint16_t> gain;
 };
@@ -52,7 +52,7 @@ class ScaleApplication final : public Application {
     Modules slots{memory_};
 };
 
-// A device after power-up, with these modules and the values that the store has.
+// A device after power-up, with these modules and the values of the store.
 struct ScaleRack {
     ScaleRack(MemoryStore& store, std::initializer_list<std::uint32_t> idents)
         : application(idents), dictionary(kScaleObjects, image, &application), stored(dictionary, store, buffer) {
@@ -104,7 +104,7 @@ TEST(ModuleValues, StoredValuesBelongToModulesOfTheSameKindInTheSameSlot) {
         for (unsigned slot = 1; slot <= one.idents.size(); ++slot)
             EXPECT_EQ(other.gain(slot), std::data(one.gains)[slot - 1]) << slot;
     }
-    // A damaged block, and one that was cut between two parts.
+    // A damaged block, and a block that was truncated between two parts.
     const auto whole = store.cells;
     for (std::size_t n = 0; n < whole.size(); ++n) {
         store.cells = whole;
@@ -178,7 +178,7 @@ TEST(ModuleValues, ASaveThatWasGivenUpDoesNotKeepAModuleFromItsValues) {
     rack.application.slots.lay_out(rack.dictionary);
     EXPECT_TRUE(rack.stored.load_module(2));
     EXPECT_EQ(rack.gain(2), 22);
-    // The memory finishes the block that was given up; the next command is for the values of its own time.
+    // The memory finishes the block of the first command. The next command stores the values of its own time.
     rack.set_gain(2, 44);
     EXPECT_EQ(rack.stored.save(Time{}).abort, Abort::none);
     EXPECT_EQ(ScaleRack(store, {0x51, 0x52}).gain(2), 44);
@@ -191,7 +191,7 @@ TEST(ModuleValues, ARestoreAfterASaveThatWasGivenUpErasesTheMemory) {
     ASSERT_TRUE(rack.stored.save(Time{}).waits());
     EXPECT_EQ(rack.stored.restore(Time{}).abort, Abort::none);
     EXPECT_TRUE(store.cells.empty());
-    // The other way round.
+    // The same with the commands in the other order.
     store.busy = 1;
     ASSERT_TRUE(rack.stored.restore(Time{}).waits());
     rack.set_gain(1, 55);
@@ -199,7 +199,7 @@ TEST(ModuleValues, ARestoreAfterASaveThatWasGivenUpErasesTheMemory) {
     EXPECT_EQ(ScaleRack(store, {0x51}).gain(1), 55);
 }
 
-// A module was exchanged, and the old layout is in use until INIT: the values belong to the old module.
+// A module was exchanged, and the old layout is used until INIT. The values belong to the old module.
 TEST(ModuleValues, ASaveBeforeTheNewLayoutIsOneOfTheOldModules) {
     MemoryStore store;
     {
@@ -257,7 +257,7 @@ struct ScaleBench {
     }
 };
 
-// All octets of the label are the same when the upload begins, and others before its second segment.
+// All octets of the label are equal when the upload begins, and change before its second segment.
 TEST(ModuleValues, ALargeValueIsReadAsAWholeOrNotAtAll) {
     ScaleBench<ScaleTables::kLargestValue> bench({0x53});
     const auto label = bench.application.slots.values(1);
@@ -273,7 +273,7 @@ TEST(ModuleValues, ALargeValueIsReadAsAWholeOrNotAtAll) {
     }
     EXPECT_EQ(got, std::vector<std::byte>(300, std::byte{1}));
 
-    // The author has not said that modules have large values.
+    // The author has not declared that modules have large values.
     ScaleBench<0> small({0x53});
     EXPECT_EQ(abort_of(small.exchange(sdo_request(0x40, 0x8000, 1))), Abort::out_of_memory);
 }
@@ -296,7 +296,7 @@ TEST(ModuleValues, CompleteAccessWritesAListOfFewerModulesThanSlots) {
     EXPECT_EQ(bench.write_list(0xF030, 0, raw({0, 0})), Abort::none) << "no expectation";
     EXPECT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
     (void)bench.request(2);
-    // Fewer or more elements than the count says.
+    // The data have fewer or more elements than the count.
     EXPECT_EQ(bench.write_list(0xF030, 0, raw({2, 0, 0x51, 0, 0, 0})), Abort::length_too_low);
     EXPECT_EQ(bench.write_list(0xF030, 0, raw({1, 0, 0x51, 0, 0, 0, 0x52, 0, 0, 0})), Abort::length_too_high);
     EXPECT_EQ(bench.write_list(0xF030, 0, raw({4, 0})), Abort::value_too_high);

@@ -180,7 +180,7 @@ TEST(Modules, EachSlotHasTheObjectsOfItsModule) {
     EXPECT_EQ(bench.number(0x8020, 1), 7) << "colour";
     EXPECT_EQ(bench.number(0x7000, 1), absent(Abort::no_object)) << "slot 1 has no lamps";
     EXPECT_EQ(bench.number(0x6020, 1), absent(Abort::no_object));
-    // Each slot has values of its own.
+    // Each slot has its own values.
     EXPECT_EQ(bench.write(0x8020, 1, 3, 1), Abort::none);
     EXPECT_EQ(bench.number(0x8020, 1), 3);
     EXPECT_EQ(bench.number(0x8040, 1), 7);

@@ -1,5 +1,5 @@
-// Device::fall_back() in the functions of the author that a transition calls: the fault is never lost, and the master
-// never gets a success first.
+// Device::fall_back() in the functions of the author that a transition calls. The fault is never lost, and the master
+// never reads a success before the fault.
 #include "bench_device.hpp"
 
 #include <utility>
@@ -86,7 +86,7 @@ TEST_F(OwnFaults, InBeforeRefuseTheTransition) {
     EXPECT_EQ(bench.esc.al_status(), fault(AlState::init));
 }
 
-// Also of a transition that goes down: the device stays where it is, and each request is refused.
+// The same in a transition to a lower state: the device stays in its state, and each request is refused.
 TEST_F(OwnFaults, InBeforeOfARequestForALowerStateEnd) {
     to_op();
     bench.application.transition_hook = [&](Transition, Time) { return fall(AlState::safeop), Verdict::go(); };
@@ -104,7 +104,7 @@ TEST_F(OwnFaults, InSafeOutputsAreReportedWithTheNewState) {
     EXPECT_EQ(bench.application.safe, 1u);
 }
 
-// The device leaves OP by itself, and safe_outputs() has a fault of its own.
+// The device leaves OP without a request, and safe_outputs() has a fault, too.
 TEST_F(OwnFaults, OneAfterAnother) {
     to_op();
     bench.application.during_safe = [&] { fall(AlState::preop, kOther); };
@@ -142,7 +142,7 @@ TEST_F(OwnFaults, InAfterEndTheNewState) {
     EXPECT_FALSE(process_data.running());
 }
 
-// dropped() is called because of the first fault. The lowest state is executed.
+// dropped() is called because of the first fault. The device goes to the lower of the two states.
 TEST_F(OwnFaults, OfATransitionThatIsDroppedForAFault) {
     to_op();
     ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
@@ -152,7 +152,8 @@ TEST_F(OwnFaults, OfATransitionThatIsDroppedForAFault) {
     EXPECT_EQ(bench.request(8), fault(AlState::init));
 }
 
-// The acknowledge of the master is for what it has seen, and not for what the device reports meanwhile.
+// The acknowledge of the master is for the error that the master has read, and not for an error that the device reports
+// meanwhile.
 TEST_F(OwnFaults, AreNotAcknowledgedByTheRequestThatRaisesThem) {
     bench.application.transition_hook = [](Transition, Time) { return Verdict::wait(kNever); };
     bench.application.during_dropped = [&] { fall(AlState::init); };

@@ -191,7 +191,7 @@ TEST(ProcessData, MappingsThatDoNotFitAreRefusedWithTheirCode) {
     EXPECT_EQ(bench.request(0x14), refused(AlState::preop, AlStatusCode::invalid_input_mapping));
 }
 
-// The application needs time for PREOP→SAFEOP, and SDOs go on meanwhile.
+// The application needs time for PREOP→SAFEOP. Meanwhile SDOs are served.
 TEST(ProcessData, AMappingThatChangesWhileSafeopWaitsIsRefused) {
     static Time ready;
     Bench bench;
@@ -247,7 +247,7 @@ TEST_F(DcTest, OpWaitsForSync0) {
     EXPECT_EQ(bench.esc.al_status(), (AlStatus{AlState::op, false, 0}));
 }
 
-// SYNC0 of an earlier activation, whose event was not acknowledged below SAFEOP.
+// The event of a SYNC0 from an earlier activation was not acknowledged below SAFEOP.
 TEST_F(DcTest, AnOldEventOfSync0DoesNotCount) {
     (void)bench.request(2);
     bench.esc.raise(wire::al_event::kDcSync0);
@@ -380,7 +380,7 @@ TEST(DeviceTest, PartsCanBeDrivenByHand) {
     EXPECT_EQ(bench.esc.get<std::uint16_t>(0x1300), 0x7777);
 }
 
-// An author whose timer executes all parts, whether the master sends or not.
+// The timer of the author executes all parts, also while the master sends nothing.
 class PartsByHand : public ::testing::Test {
   protected:
     void run(int periods, unsigned parts, bool sync = false) {

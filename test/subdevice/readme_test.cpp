@@ -16,7 +16,7 @@ using namespace margay;
 using namespace margay::subdevice;
 #include <readme_device.inc>
 
-[[maybe_unused]] constexpr auto* kMain = &main;  // it has no end, so the test does not call it
+[[maybe_unused]] constexpr auto* kMain = &main;  // main() does not end, so the test does not call it
 
 }  // namespace
 }  // namespace readme_device

@@ -82,7 +82,7 @@ TEST(SdoTransfer, VastObjectsStreamPastTheStagingBuffer) {
     EXPECT_EQ(download(bench, 0x2008, 0, sdo_pattern(70'001)).abort, Abort::length_too_high);
 }
 
-// Notes whether octets change while the lock is not held.
+// Records whether octets change while the lock is not held.
 struct WatchingLock final : EscAccess {
     explicit WatchingLock(const std::vector<std::byte>& watched) : octets(watched), known(watched) {}
     void read(std::uint16_t, MutableBytes) noexcept override {}

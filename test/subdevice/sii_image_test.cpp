@@ -79,7 +79,8 @@ TEST_F(SiiImageTest, CategoriesSayWhatTheDictionarySays) {
     EXPECT_FALSE(rx.next());
 }
 
-// The place of an entry in the category is the number of its SyncManager, whatever the device leaves out.
+// The position of an entry in the category is the number of its SyncManager, also if the device has no lower
+// SyncManagers.
 TEST_F(SiiImageTest, UnusedSyncManagersHaveEntriesOfTheirOwn) {
     DeviceDescription inputs_only = bench.application.description();
     inputs_only.outputs = {};
@@ -88,7 +89,7 @@ TEST_F(SiiImageTest, UnusedSyncManagersHaveEntriesOfTheirOwn) {
     sii::SyncManagers managers(category(sii::category::kSyncManager));
     while (const auto manager = managers.next()) types.push_back(manager->type);
     EXPECT_EQ(types, (std::vector{SmType::mailbox_out, SmType::mailbox_in, SmType::unused, SmType::inputs}));
-    // Two uses of one SyncManager are no device.
+    // Two uses of one SyncManager are an invalid description.
     inputs_only.inputs.sync_manager = 1;
     EXPECT_FALSE(write_sii(inputs_only, {}, bench.dictionary, workspace, image).ok());
 }
@@ -155,7 +156,7 @@ TEST_F(SiiImageTest, TooLittleRoomIsToldNotWritten) {
 
 // --- Operation modes ---
 
-// A master that follows the SII gets to SAFEOP in each operation mode.
+// A master that uses the settings of the SII reaches SAFEOP in each operation mode.
 TEST_F(SiiImageTest, TheDeviceAcceptsEachOperationModeOfItsSii) {
     auto& dc = bench.application.description_value.dc;
     for (const bool required : {false, true})
@@ -236,7 +237,7 @@ TEST_F(EepromTest, WritesAWordAndTellsTheAuthor) {
     EXPECT_EQ(command(0x0201, 1024, 1) & 0x7F00, 0x2200);
     EXPECT_EQ(command(0x0400, 0) & 0x7F00, 0x0400);
     EXPECT_EQ(bench.esc.get<std::uint16_t>(0x0508), 0xBEEF) << "reload hands the alias over";
-    image[1] = std::byte{0xA7};  // 0x0141: bit 1, and of the bits 4 to 7 the bits of the ports 1 and 3
+    image[1] = std::byte{0xA7};  // 0x0141: bit 1, and in bits 4 to 7 the bits of ports 1 and 3
     EXPECT_EQ(command(0x0400, 0) & 0x7F00, 0x0400);
     EXPECT_EQ(bench.esc.get<std::uint32_t>(0x0508), 0x0015'BEEFu) << "and enhanced link detection";
 }

@@ -1,5 +1,5 @@
-// Devices whose process data or events are missing: outputs that are old, sync managers without events, values of every
-// size that go back to their initial values, and devices without the optional objects of the stack.
+// Devices without process data or events: old outputs, SyncManagers without events, values of every size that return to
+// their initial values, and devices without the optional objects of the stack.
 #include "bench_device.hpp"
 
 namespace margay::subdevice {
@@ -74,7 +74,7 @@ TEST(ControlInOp, AWatchdogThatIsSwitchedOnWatches) {
     EXPECT_EQ(bench.step(), bench.esc.time + 100ms);
     bench.esc.ecat_set<std::uint16_t>(0x0440, 0);
     bench.esc.time += 60ms;
-    sm2_in_op(bench, 0x64);  // does not begin a new time
+    sm2_in_op(bench, 0x64);  // does not start the time again
     bench.esc.time += 40ms;
     (void)bench.step();
     EXPECT_EQ(bench.esc.al_status(), (AlStatus{AlState::safeop, true, 0x001B}));
@@ -141,7 +141,7 @@ void come_with_a_request(int control, AlState lower) {
 
 TEST(OldOutputs, OutputsThatCameWithARequestForALowerStateDoNotLeadToOp) {
     for (const auto lower : {AlState::preop, AlState::safeop})
-        for (const int control : {0x24, 0x04})  // with an AL event, and found by the status of the SyncManager
+        for (const int control : {0x24, 0x04})  // with an AL event, and without it by the status of the SyncManager
             come_with_a_request(control, lower);
 }
 
@@ -211,7 +211,7 @@ TEST_P(EveryMode, TheFreeRunCycleRuns) {
     EXPECT_EQ(bench.application.cycles, before + 10);
 }
 
-// A SyncManager of one octet has no buffer and no event: only the watchdog shows that outputs arrive.
+// A SyncManager of one octet has no buffer and no event. Only the watchdog shows that outputs arrive.
 TEST_P(EveryMode, OneOctetOfOutputsIsPolled) {
     ASSERT_EQ(download(bench, 0x1C12, 0, number(0, 1)).abort, Abort::none);
     ASSERT_EQ(download(bench, 0x1C12, 1, number(0x1601, 2)).abort, Abort::none);
@@ -289,7 +289,7 @@ INSTANTIATE_TEST_SUITE_P(Modes, FreshInputs, ::testing::Values(RunMode::polling,
 
 class Oversampling : public ::testing::Test {
   protected:
-    // Frames with five SYNC0 each. Returns the AL status after them.
+    // Executes frames with five SYNC0 each. Returns the AL status after them.
     AlStatus frames(int count) {
         for (int frame = 0; frame < count; ++frame) {
             EXPECT_TRUE(bench.esc.ecat_write(0x1200, raw({1, 2, 0, 1})));

@@ -113,7 +113,7 @@ constexpr Object kLittleLampObjects[] = {record(0x1C32, "Output sync", kLittleSy
 
 class OneOctet : public ::testing::TestWithParam<std::tuple<RunMode, Duration>> {
   protected:
-    // Frames in the middle between two SYNC0, and steps at each deadline.
+    // The frames arrive in the middle between two SYNC0, and step() is called at each deadline.
     template <class Bench>
     static void cycle(Bench& bench, Duration sync0, int value) {
         bench.run(sync0 / 2);
@@ -140,7 +140,7 @@ class OneOctet : public ::testing::TestWithParam<std::tuple<RunMode, Duration>> 
     }
 };
 
-// Nothing shows that one octet has arrived: frames are not counted.
+// The device cannot find out whether one octet has arrived, so frames are not counted.
 TEST_P(OneOctet, NoFrameIsMissed) {
     LittleBench<kLittleLamps, kLittleLampObjects, LittleLampValues> bench(std::get<0>(GetParam()));
     stays_in_op(bench);

@@ -285,7 +285,7 @@ TEST_F(SoeServerTest, FragmentsThatAreGivenUpOrTooMany) {
     EXPECT_EQ(read(Idn::standard(91)), octets({100, 0}));
     fragment[2] = std::byte{1};
     fragment.resize(26);
-    silent(fragment);  // the read has ended the first write: this fragment starts a new one
+    silent(fragment);  // the read has ended the first write, so this fragment starts a new write
     EXPECT_EQ(write(Idn::standard(91), {1}), SoeError::value_too_long);
     // A value that is too long is received completely, then refused.
     fragment[4] = std::byte{200};
@@ -297,7 +297,8 @@ TEST_F(SoeServerTest, FragmentsThatAreGivenUpOrTooMany) {
     EXPECT_EQ(write(Idn::product(1), {1, 0, 0, 0, 1}), SoeError::none);
 }
 
-// A master that gives a write up without a word may begin the next one with the number that the first would go on with.
+// A master that gives up a write without a message may begin the next write with the number that the first write would
+// have next.
 TEST_F(SoeServerTest, ANewWriteBehindASilenceIsNoPartOfTheOneBefore) {
     Octets fragment(26, std::byte{7});
     std::ranges::copy(octets({0x0B, 0x40, 1, 0}), fragment.begin());
@@ -306,7 +307,7 @@ TEST_F(SoeServerTest, ANewWriteBehindASilenceIsNoPartOfTheOneBefore) {
     EXPECT_EQ(write(Idn::standard(91), {100, 0}), SoeError::none);
     EXPECT_EQ(read(Idn::standard(91)), octets({100, 0}));
 
-    // A write of three fragments is given up behind the first one; the next one has two.
+    // A write of three fragments is given up after the first fragment. The next write has two fragments.
     fragment[2] = std::byte{2};
     silent(fragment);
     bench.esc.time += std::chrono::milliseconds(250);
@@ -324,7 +325,8 @@ TEST_F(SoeServerTest, ANewWriteBehindASilenceIsNoPartOfTheOneBefore) {
     EXPECT_EQ(write(Idn::product(1), {1, 0, 100, 0, 0x45}), SoeError::none);
     EXPECT_EQ(read(Idn::product(1)).size(), 27U);
 
-    // A value that is too long is refused, although its end alone is a value: no silence has divided it.
+    // A value that is too long is refused, although its end alone is a valid value, because there was no pause between
+    // the fragments.
     fragment[2] = std::byte{1};
     silent(fragment);
     EXPECT_EQ(write(Idn::standard(91), {200, 0}), SoeError::value_too_long);

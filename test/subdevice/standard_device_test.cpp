@@ -80,7 +80,7 @@ static_assert(places_with([](auto& d) {
                   d.boot_mailbox = {{0x1400, 129}, {0x1480, 128}};
               }) == Places::mailboxes_overlap);
 
-// Further mistakes that StandardDevice asserts by name.
+// Other mistakes that StandardDevice detects with a named assertion.
 constexpr bool fits_an_sdo(std::uint16_t bytes) {
     DeviceDescription device = kLampsDevice;
     device.mailbox.receive.size_bytes = bytes;
@@ -384,7 +384,7 @@ AlStatus safeop_of(std::uint16_t outputs_bytes) {
     return bench.request(4);
 }
 
-// Otherwise the outputs of the master come into an object that is read only, or into no object.
+// Without this check, the outputs of the master would be stored in a read-only object, or in no object.
 TEST(StandardDevice, AnAssignmentNeedsPdosOfItsDirection) {
     EXPECT_EQ(safeop_of<kInputsInOutputs>(2), (AlStatus{AlState::preop, true, 0x0025}));
     EXPECT_EQ(safeop_of<kOutputsInInputs>(2), (AlStatus{AlState::preop, true, 0x0024}));
@@ -416,7 +416,7 @@ TEST(StandardDevice, APdoHasLimits) {
     static_assert(standard::count_mapped(kLessOne, od::kTxMappable, 400).fits_mapping());
 }
 
-// The tables of a drive: the compiler must not compare each value with each other one.
+// The tables of a drive. The compiler must not compare each value with each other value.
 constexpr std::size_t kManyCount = 600;
 struct ManyValues {
     std::array<Le<std::uint32_t>, kManyCount> parameters;

@@ -133,7 +133,7 @@ TEST_F(StoredValuesTest, TheChecksumTellsValuesApart) {
     EXPECT_EQ(download(device.bench, 0x10F0, 1, word(0)).abort, Abort::read_only);
 }
 
-// A block that was damaged in any octet, cut, or written by another firmware, changes nothing.
+// A block that was damaged in any octet, truncated, or written by another firmware changes no value.
 TEST_F(StoredValuesTest, ADamagedBlockIsNotLoaded) {
     {
         Powered device(flash);
@@ -215,7 +215,7 @@ TEST_F(StoredValuesTest, AFailedMemoryIsReported) {
     EXPECT_EQ(save(device.bench), Abort::none);
 }
 
-// The master has given up the first command. The second one must not succeed with the values of the first.
+// The master has given up the first command. The second command must not succeed with the values of the first command.
 TEST_F(StoredValuesTest, ASecondCommandStoresTheValuesOfItsOwnTime) {
     Powered device(flash);
     flash.needs = 1s;
@@ -298,7 +298,7 @@ TEST_F(StoredValuesTest, AStoredValueOutsideTheLimitsIsNotLoaded) {
     EXPECT_EQ(Kept::b::load(limited.image), 60'000);
 }
 
-// A lock that is never held for more than one value: an interrupt handler executes after each of them.
+// The lock is held for one value at a time, so an interrupt handler is executed after each value.
 struct Lock final : EscAccess {
     void read(std::uint16_t, MutableBytes) noexcept override {}
     void write(std::uint16_t, Bytes) noexcept override {}
@@ -322,7 +322,7 @@ TEST_F(StoredValuesTest, TheLockIsHeldForOneValue) {
     Version late(kWithText, flash);
     Kept::b::store(late.image, 1234);
     std::fill_n(late.image.begin() + Kept::text, 100, std::byte{5});
-    // All values behind the first change after the copy of the first.
+    // All values after the first value change after the copy of the first value.
     lock.handler = [&] { std::copy(late.image.begin() + 2, late.image.end(), device.image.begin() + 2); };
     const auto sum = device.stored.checksum();
     EXPECT_EQ(sum, late.stored.checksum());
@@ -341,7 +341,7 @@ TEST_F(StoredValuesTest, TheLockIsHeldForOneValue) {
     EXPECT_EQ(lock.sections, 3U);
 }
 
-// The reply is copied under the lock; the CRC of many values would keep SYNC0 waiting.
+// The reply is copied under the lock. A CRC of many values under the lock would delay SYNC0.
 TEST_F(StoredValuesTest, TheChecksumOfAReadIsComputedWithoutTheLock) {
     Powered device(flash);
     const auto sum = device.stored.checksum();

@@ -151,7 +151,7 @@ TEST_F(MeasuredTimes, OutputsThatAreUsedAfterTheShiftTimeAreCounted) {
 TEST_F(MeasuredTimes, TheTimestampIsTheTimeOfTheDevice) {
     bench.esc.time = Time{} + 5s;
     EXPECT_EQ(read(0x10F8, 0), 5'000'001'000U);
-    // Mapped, it is the time of the copy of the inputs.
+    // When the object is mapped, its value is the time of the copy of the inputs.
     ASSERT_EQ(download(bench, 0x1A00, 0, raw({0})).abort, Abort::none);
     ASSERT_EQ(download(bench, 0x1A00, 1, raw({0x40, 0x00, 0xF8, 0x10})).abort, Abort::none);
     ASSERT_EQ(download(bench, 0x1A00, 0, raw({1})).abort, Abort::none);
@@ -165,7 +165,7 @@ TEST_F(MeasuredTimes, TheTimestampIsTheTimeOfTheDevice) {
     EXPECT_EQ(load_le<std::uint64_t>(inputs), 5'000'001'007U);
 }
 
-// The steps come often enough for the PDI watchdog, although nothing happens.
+// Without any event, the steps are frequent enough for the PDI watchdog.
 TEST_F(MeasuredTimes, StepsFeedThePdiWatchdog) {
     EXPECT_EQ(bench.step(), kNever);
     bench.application.description_value.pdi_watchdog = 20ms;

@@ -61,7 +61,7 @@ TEST_P(SyncPins, LateSync0AreNotMissed) {
     const auto missed = [&] { return bench.process_data.counters().missed_syncs; };
     const Time begin = bench.esc.time;
     const auto serve_at = [&](Duration time) { sync(begin + time - bench.esc.time); };
-    serve_at(1600us);  // the first one is late
+    serve_at(1600us);  // the first call is late
     for (int n = 2; n < 40; ++n) serve_at(n * 1ms + (n % 3 == 0 ? 850us : n % 5 == 0 ? 300us : 0us));
     EXPECT_EQ(missed(), 0u);
     serve_at(42ms);
@@ -72,7 +72,7 @@ TEST_P(SyncPins, LateSync0AreNotMissed) {
     EXPECT_EQ(missed(), 3u);
 }
 
-// The clock of the processor and that of the ESC differ.
+// The clock of the processor and the clock of the ESC differ.
 TEST_P(SyncPins, DriftIsNoMissedSync0) {
     ASSERT_EQ(bench.request(4).state, AlState::safeop);
     for (const Duration cycle : {1'000'500ns, 999'500ns}) {
@@ -84,7 +84,7 @@ TEST_P(SyncPins, DriftIsNoMissedSync0) {
     }
 }
 
-// A device without outputs: no other event than SYNC0 comes while OP waits for it.
+// A device without outputs has no event except SYNC0 while OP waits for SYNC0.
 TEST(SyncPinWakes, TheTaskOfADeviceWithoutOutputs) {
     Bench bench;
     bench.application.description_value.outputs = {};
@@ -120,7 +120,8 @@ TEST_P(SyncPins, Sync1CallsTheApplication) {
     EXPECT_EQ(bench.application.syncs1, 1u);
 }
 
-// The master switches the signals on in PREOP. Without an acknowledge, a handler of a level is called for ever.
+// The master switches the signals on in PREOP. Without an acknowledge, a handler of a level-triggered interrupt would
+// be called for ever.
 TEST_P(SyncPins, SignalsBeforeSafeopAreAcknowledged) {
     bench.esc.raise(wire::al_event::kDcSync0 | wire::al_event::kDcSync1);
     bench.device->sync0(bench.esc.time);

@@ -1,4 +1,5 @@
-// SYNC0 that stops, or that was there before SAFEOP: neither leads to OP, and inputs stay present without it.
+// A SYNC0 that stops, or that was active before SAFEOP. Neither of them leads to OP, and inputs stay present without
+// SYNC0.
 #include "bench_device.hpp"
 
 namespace margay::subdevice {
@@ -9,7 +10,7 @@ namespace reg = wire::reg;
 
 AlStatus refused(AlState state, AlStatusCode code) { return {state, true, static_cast<std::uint16_t>(code)}; }
 
-unsigned asked_for_op = 0;  // how often the application was asked for SAFEOP→OP
+unsigned asked_for_op = 0;  // number of calls of the application for SAFEOP→OP
 
 Verdict count_op(Transition transition, Time) {
     asked_for_op += transition == Transition{AlState::safeop, AlState::op} ? 1 : 0;
@@ -91,7 +92,7 @@ TEST_P(SyncStops, Sync0OfLongAgoDoesNotLeadToOp) {
     ASSERT_EQ(request(4).state, AlState::safeop);
     sync();
     put_outputs(1);
-    bench.esc.time += 10s;  // and not one step
+    bench.esc.time += 10s;  // without any step
     EXPECT_EQ(request(8), (AlStatus{AlState::safeop, false, 0}));
     EXPECT_EQ(asked_for_op, 0u);
     sync();
@@ -138,7 +139,7 @@ TEST_P(SyncStops, TheStepThatLeavesOpAsksForNoOther) {
     EXPECT_EQ(bench.esc.al_status(), refused(AlState::safeop, AlStatusCode::fatal_sync_error));
 }
 
-// The cyclic function must not execute in OP by a SYNC0 cycle, and by the reads of the master beside it.
+// The cyclic function must not be executed in OP by the SYNC0 cycle and also by the reads of the master.
 TEST_P(SyncStops, Sync0DrivesAgainWhenItComesBack) {
     ASSERT_EQ(request(4).state, AlState::safeop);
     sync();

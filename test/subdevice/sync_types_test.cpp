@@ -1,5 +1,5 @@
-// The synchronization type, subindex 1 of objects 0x1C32 and 0x1C33: what a master may write, which mode follows, and
-// what the objects show.
+// The synchronization type, subindex 1 of objects 0x1C32 and 0x1C33: the values that a master may write, the mode that
+// follows, and the values of the objects.
 #include "bench_device.hpp"
 
 namespace margay::subdevice {
@@ -18,7 +18,7 @@ class SyncTypes : public ::testing::Test {
         bench.esc.ecat_set<std::uint32_t>(0x09A0, 1'000'000);
         bench.esc.ecat_set<std::uint8_t>(0x0981, 3);
     }
-    // The types that are accepted, out of all that could be.
+    // The accepted types, out of all possible values.
     std::vector<unsigned> accepted(int index) {
         std::vector<unsigned> found;
         for (unsigned value = 0; value < 0x100; ++value) {

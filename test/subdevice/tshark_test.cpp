@@ -62,7 +62,7 @@ TEST(TsharkMailbox, DecodesEveryMessageOfAllTests) {
     const auto file =
         std::filesystem::temp_directory_path() / ("margay-mailbox-" + std::to_string(::getpid()) + ".pcap");
     const std::string self = std::filesystem::read_symlink("/proc/self/exe");
-    // This process may be one of several that share the tests: the one that it starts executes all of them.
+    // This process may be one of several processes that share the tests. The process that it starts executes all tests.
     const auto run = "env -u GTEST_TOTAL_SHARDS -u GTEST_SHARD_INDEX " + std::string(kRecordTo) + "='" + file.string() +
                      "' '" + self + "' --gtest_filter='-TsharkMailbox*' --gtest_brief=1 >/dev/null 2>&1";
     ASSERT_EQ(std::system(run.c_str()), 0) << "other tests fail: see them first";

@@ -90,7 +90,8 @@ TEST_F(VoeServerTest, SendsOnItsOwnInOrderAndCountsWhatItLoses) {
     EXPECT_EQ(bench.receive(wire::MailboxType::voe).size(), 26U);
 }
 
-// A master that fetches nothing: the server takes no more messages than it can answer, and other protocols go on.
+// A master that reads no replies: the server accepts only as many messages as it can answer, and other protocols
+// continue.
 TEST_F(VoeServerTest, WaitsWhenTheMasterFetchesNothing) {
     Octets long_message = kMessage;
     long_message.resize(26);

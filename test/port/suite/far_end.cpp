@@ -83,7 +83,7 @@ SendStatus FarEnd::send_other(std::size_t size) {
 bool FarEnd::send_patiently(std::size_t size, std::size_t alignment) {
     const Time until = run_.osal.now() + 10 * run_.port.reply;
     auto status = send(size, alignment);
-    // No event tells that a place in the queue is free.
+    // No event reports that a place in the queue is free.
     for (Time now = run_.osal.now(); status == SendStatus::busy; now = run_.osal.now()) {
         if (now > until || !run_.wait_until(now + 100us)) return fault("send() stays busy; size ", size);
         status = send(size, alignment);

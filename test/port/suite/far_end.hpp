@@ -29,22 +29,22 @@ class FarEnd {
     bool collect_ready();
     // How many replies are missing.
     [[nodiscard]] std::size_t on_the_way() const { return next_sent_ - next_received_; }
-    // Sends a frame with a VLAN tag, or one that is too short for a datagram. Nobody answers to it.
+    // Sends a frame with a VLAN tag, or a frame that is too short for a datagram. No slave answers it.
     SendStatus send_other(std::size_t size);
     // How long receive() took for the last frame.
     [[nodiscard]] Duration receive_took() const { return receive_took_; }
     // Receives the next reply into a memory that is too small.
     bool receive_cut(std::size_t bytes);
-    // False: the octets that did not fit come as a frame of their own.
+    // Returns false when the octets that did not fit come as a separate frame.
     bool rest_is_gone(std::size_t bytes);
-    // The last function failed because nothing came back. With `is_echo()` frames came back as they were sent.
+    // True if the last function failed because no frame came back. With `is_echo()`, frames came back unchanged.
     [[nodiscard]] bool is_lost() const { return lost_; }
     [[nodiscard]] bool is_echo() const { return echoes_ != 0; }
     bool exchange(std::size_t size, std::size_t alignment) { return send_patiently(size, alignment) && collect(1); }
     // From now on replies may be missing.
     void allow_losses() { losses_ = true; }
 
-    // Fetches frames that an earlier check has left behind.
+    // Receives frames that an earlier check has not received.
     void drain();
     // Fails the check with the reason that the last function found.
     void report() {

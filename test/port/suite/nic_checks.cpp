@@ -16,7 +16,7 @@ void address_is_free(Run& run) {
     if ((mac[0] & 3) != 0) run.fail("the first octet is ", std::uint64_t{mac[0]}, "; bits 0 and 1 must be 0");
 }
 
-// Waits for a change of the link, which ends no wait().
+// Waits for a change of the link, which does not end a wait().
 template <class Done>
 bool becomes(Run& run, Done done) {
     const Time until = run.osal.now() + run.port.longest_plugging;
@@ -91,7 +91,7 @@ void link_state_does_not_wait(Run& run) {
         run.fail("it takes ", Run::microseconds(taken.median()), " µs; link_state() must not wait");
 }
 
-// What is a frame for nic.hpp and has no place for a datagram, or has a VLAN tag.
+// Frames that nic.hpp permits, but that have no place for a datagram, or have a VLAN tag.
 void every_frame_is_taken(Run& run) {
     FarEnd far(run);
     for (const std::size_t size : {14U, 15U, 20U, 27U, 1515U, 1516U, 1517U, 1518U}) {
@@ -197,7 +197,7 @@ Duration wait_for_nic(Run& run) {
     return run.osal.now() - start;
 }
 
-// Sends a frame and fetches the reply, without a wait() or with it. Returns how long it took; nothing if it failed.
+// Sends a frame and receives the reply, with or without a wait(). Returns the duration; an empty value if it failed.
 std::optional<Duration> time_of_reply(Run& run, FarEnd& far, bool waits) {
     if (!far.send_patiently(60, 0)) return std::nullopt;
     const Time start = run.osal.now();
@@ -278,7 +278,7 @@ void stored_frame_ends_wait(Run& run) {
 }
 
 void frame_that_is_left_ends_wait(Run& run) {
-    // The NIC has told of two frames at once, and one of them was fetched.
+    // The NIC has reported two frames at once, and one of them was received.
     FarEnd far(run);
     if (!store_frames(run, far, 2)) return;
     (void)wait_for_nic(run);  // uses up what the NIC has told: the next wait() ends by the frame that is left
@@ -336,7 +336,7 @@ void cable_is_seen(Run& run) {
     if (!becomes(run, [&] { return nic.link_state() == LinkState::up; }))
         return run.fail("link_state() stays down after the cable was connected again");
     if (taken > 1s) return run.fail("10 calls of send() without a cable take ", Run::microseconds(taken), " µs");
-    // What was sent without a cable may come now, or never.
+    // Frames that were sent without a cable may arrive now, or never.
     far.allow_losses();
     (void)run.wait_until(run.osal.now() + run.port.reply);
     if (!far.collect_rest()) return far.report();

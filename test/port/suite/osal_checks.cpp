@@ -9,7 +9,7 @@ using namespace std::chrono_literals;
 constexpr std::string_view kOneThread = "the port has one thread";
 constexpr std::string_view kStandsStill = "the clock stands still";
 
-// A call from outside the thread of the suite, and what it does there.
+// A call from outside the thread of the suite, and the function that it executes.
 struct LaterCall {
     Run& run;
     void (*action)(LaterCall&);
@@ -238,7 +238,7 @@ void sleepers_wake(Run& run) {
     if (taken > 1500ms) run.fail("the sleeper returned ", Run::microseconds(taken), " µs after its begin");
 }
 
-// What sleeping threads share. It stays, because a faulty port lets a thread sleep for ever.
+// The data that sleeping threads share. It is never destroyed, because a faulty port lets a thread sleep for ever.
 struct {
     Osal* osal = nullptr;
     Time until{};

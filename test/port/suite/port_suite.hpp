@@ -41,7 +41,7 @@ struct Port {
     // A second clock that does not depend on the clock of the osal, for example another timer of the board.
     Duration (*second_clock)(void* user) = nullptr;
 
-    // Plugs the cable in or pulls it out, or asks a person to do it. Returns at once; the suite waits for the result.
+    // Plugs the cable in or out, or asks a person to do this. Returns at once; the suite waits for the result.
     void (*plug)(void* user, bool in) = nullptr;
     Duration longest_plugging = std::chrono::seconds(10);  // a person needs longer
 

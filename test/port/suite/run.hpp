@@ -1,4 +1,4 @@
-// What the checks of the suite share: their results, waiting, and the median of durations.
+// Common parts of the checks of the suite: their results, waiting, and the median of durations.
 #pragma once
 
 #include "port_suite.hpp"
@@ -45,7 +45,7 @@ class Run {
         print_begin(name);
         body(*this);
         print_result(name);
-        // A second clock that extends a counter of the board must be read now and then.
+        // A second clock that extends a counter of the board must be read from time to time.
         if (port.second_clock != nullptr) (void)port.second_clock(port.user);
     }
 
@@ -169,7 +169,7 @@ class Durations {
 void check_osal(Run& run);
 void check_nic(Run& run);
 void check_timing(Run& run);
-// After all others: of the clock in the whole run.
+// Called after all other checks: checks the clock of the whole run.
 void check_clock_of_run(Run& run);
 
 }  // namespace margay::port

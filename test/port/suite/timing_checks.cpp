@@ -1,4 +1,4 @@
-// The checks of a NIC with times of frames (Nic::timing()): only of what it says that it has.
+// The checks of a NIC with times of frames (Nic::timing()). Only the reported features are checked.
 #include "far_end.hpp"
 
 #include <margay/timed_send.hpp>
@@ -26,7 +26,8 @@ std::optional<std::uint64_t> receive_time(Run& run, const FarEnd& far) {
 
 Duration between(std::uint64_t from, std::uint64_t to) { return Duration(static_cast<std::int64_t>(to - from)); }
 
-// Two frames 20 ms apart: their times are as far apart, up to the delays of the program between them.
+// Sends two frames with a distance of 20 ms. Their times have the same distance, except for the delays of the program
+// between them.
 template <class TimeOf>
 void clock_counts(Run& run, const TimeOf& time_of) {
     FarEnd far(run);

@@ -1,7 +1,7 @@
-// The Osal of the port, with a look at each time that it returns: one that goes back somewhere in the run is noted.
+// The Osal of the port, with a check of each returned time: it records a time that is earlier than the previous time.
 //
-// The suite itself then goes on with a time that does not go back, so that no loop of it waits for a time that the
-// faulty clock never reaches. Only for the thread of the suite.
+// The suite itself then continues with a time that does not go back, so that no loop waits for a time that the faulty
+// clock never reaches. Only the thread of the suite may use it.
 #pragma once
 
 #include <margay/parts/osal/osal.hpp>
