@@ -61,7 +61,7 @@ TEST_F(ChosenInRing, TheClocksBeforeItAreNamedAndTheRestRuns) {
     expect_running(3);
 }
 
-// Each cable breaks and heals: before the reference, and behind it.
+// Each cable breaks and heals: before the reference and behind it.
 TEST_F(ChosenInRing, BehindABreakTheClocksKeepInStep) {
     build(6);
     bring_up_chosen(3);
@@ -87,7 +87,7 @@ TEST_F(ChosenInRing, BehindABreakTheClocksKeepInStep) {
         << joined(all);
 }
 
-// A slave before the reference, the reference itself, and the last one lose their power.
+// A slave before the reference, the reference itself, and the last slave lose their power.
 TEST_F(ChosenInRing, SlavesThatComeBack) {
     build(6, false);
     bring_up_chosen(3);

@@ -264,7 +264,7 @@ TEST_F(FoeTest, BusyWhileReading) {
     silent(packet(Opcode::acknowledge, 2));
 }
 
-// A store that is busy with the file itself learns when the client leaves.
+// A store that is busy with the file gets a call when the client gives up the transfer.
 TEST_F(FoeTest, ABusyOpenIsGivenUp) {
     store.files["f"] = pattern(1);
     for (const auto opcode : {Opcode::read, Opcode::write}) {
@@ -291,7 +291,7 @@ TEST_F(FoeTest, ABusyOpenIsGivenUp) {
     }
 }
 
-// The store loads the file behind open_to_read(). The client repeats its request, and the file is not opened again.
+// The store loads the file after open_to_read(). The client repeats its request, and the file is not opened again.
 TEST_F(FoeTest, BusyWithTheFirstPacketAsLongAsTheStoreWants) {
     store.files["f"] = pattern(kRoom + 1);
     store.busy_reads = 5;
@@ -303,7 +303,7 @@ TEST_F(FoeTest, BusyWithTheFirstPacketAsLongAsTheStoreWants) {
     expect(exchange(packet(Opcode::read, 7, letters("f"))), Opcode::data, 1);
     expect(exchange(packet(Opcode::acknowledge, 1)), Opcode::data, 2);
     silent(packet(Opcode::acknowledge, 2));
-    // Another file, another password, or a write is another request.
+    // A request with another file or another password, or a write, is another request.
     store.files["g"] = pattern(1);
     store.busy_reads = 1;
     EXPECT_EQ(foe::Layout::opcode::load(exchange(packet(Opcode::read, 7, letters("f")))), Opcode::busy);
