@@ -81,7 +81,7 @@ Duration ExternalClock::update(Context& ctx, Duration lateness) {
     } else {
         correction = reference_.coast();
     }
-    shift_reference(network, correction, settings_.phase.cycle, waits);
+    shift_reference(*master, correction, settings_.phase.cycle, waits);
     return earlier;
 }
 

@@ -31,14 +31,15 @@ void LinkLayerClock::restart() {
 std::optional<Duration> LinkLayerClock::take(Context& ctx, const Reading& reading) {
     const auto sent_ns = nic_.send_time_ns(reading.head);
     if (!sent_ns) return std::nullopt;
-    Network& network = master_of(ctx)->network;
+    Master& master = *master_of(ctx);
+    Network& network = master.network;
     const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
     const std::int64_t set_value = settings_.set_value.count();
     const std::int64_t error =
         phase_error_ns(reading.bus_time_ns % cycle + (cycle - *sent_ns % cycle), cycle, set_value);
     const bool waits = waits_for_cycle(network, reading.at, settings_.phase.cycle);
     const std::int64_t correction = reference_.update(error, reading.at, std::uint8_t{waits});
-    shift_reference(network, correction, settings_.phase.cycle, waits);
+    shift_reference(master, correction, settings_.phase.cycle, waits);
     record_.at = reading.at;
     record_.bus_time_ns = reading.bus_time_ns;
     record_.bus_time_off_ns = reading.bus_time_ns % cycle;
@@ -85,7 +86,7 @@ Duration LinkLayerClock::update(Context& ctx, Duration lateness) {
     was_in_sync_ = in_sync;
     if (earlier) return *earlier;
     const bool waits = waits_for_cycle(network, received_at(group, network.engine.link()), settings_.phase.cycle);
-    shift_reference(network, reference_.coast(), settings_.phase.cycle, waits);
+    shift_reference(*master, reference_.coast(), settings_.phase.cycle, waits);
     return Duration(cycle_.coast());
 }
 

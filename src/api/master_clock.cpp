@@ -78,7 +78,7 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
         record_.adjust_ns = corrects() ? controller_.coast() : 0;
         record_.adjusted_ns += record_.adjust_ns;
         if (settings_.mode == Mode::bus_shift)
-            shift_reference(network, record_.adjust_ns, settings_.phase.cycle,
+            shift_reference(*master, record_.adjust_ns, settings_.phase.cycle,
                             waits_for_cycle(network, record_.at, settings_.phase.cycle));
         // After this time without a correction, the phase is not known any more.
         constexpr Duration kLongestWithout = std::chrono::seconds(1);
@@ -103,7 +103,8 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
 
 // One step of the controller.
 Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
-    Network& network = master_of(ctx)->network;
+    Master& master = *master_of(ctx);
+    Network& network = master.network;
     const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
     const std::int64_t error = phase_error_ns(due_ns, cycle, settings_.set_value.count());
     const bool bus_shift = settings_.mode == Mode::bus_shift;
@@ -124,7 +125,7 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     if (network.clocks.reference != 0)
         record_.start_time_ns = network.clocks.entries[network.clocks.reference - 1U].sync_start_ns;
     if (settings_.mode == Mode::master_shift) return Duration(correction);
-    if (bus_shift) shift_reference(network, correction, settings_.phase.cycle, waits);
+    if (bus_shift) shift_reference(master, correction, settings_.phase.cycle, waits);
     if (settings_.mode == Mode::master_reference) {
         // The time at which the next cycle is due, or the present time if the write does not wait for the cycle. The
         // phase of the cycles in the time of the master is arbitrary.
@@ -133,9 +134,8 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
         const std::uint64_t next = static_cast<std::uint64_t>((now - Time{}).count()) - late + (1 + under_way) * cycle;
         if (!std::exchange(has_shift_, true))
             shift_ns_ = -phase_error_ns(next + at_zero, cycle, settings_.set_value.count());
-        const std::uint64_t at =
-            waits ? next : static_cast<std::uint64_t>((master_of(ctx)->osal.now() - Time{}).count());
-        send_to_reference(network, reg::kSystemTime, at + at_zero + static_cast<std::uint64_t>(shift_ns_), waits);
+        const std::uint64_t at = waits ? next : static_cast<std::uint64_t>((master.osal.now() - Time{}).count());
+        send_to_reference(master, reg::kSystemTime, at + at_zero + static_cast<std::uint64_t>(shift_ns_), waits);
     }
     return Duration{0};
 }

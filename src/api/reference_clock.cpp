@@ -1,6 +1,6 @@
 #include "api/reference_clock.hpp"
 
-#include "network/network.hpp"
+#include "api/master.hpp"
 #include "network/wanted.hpp"
 
 #include <algorithm>
@@ -57,24 +57,26 @@ void note_shift(Network& network, std::int64_t correction_ns, Duration cycle) {
 
 }  // namespace
 
-void send_to_reference(Network& network, wire::Register r, std::uint64_t value, bool waits) {
+void send_to_reference(Master& master, wire::Register r, std::uint64_t value, bool waits) {
+    Network& network = master.network;
     if (r.address == wire::reg::kSystemTime.address) network.clocks.is_driven = true;
     if (!has_clock(network)) return;
     (void)network.settling.start(write_reference(network, r, value));
-    if (!waits) network.engine.link().send(network.engine.now());
+    if (!waits) network.engine.link().send(master.osal.now());
 }
 
 bool waits_for_cycle(Network& network, Time sent, Duration cycle) {
     return network.engine.link().cycling(later(sent, cycle));
 }
 
-void shift_reference(Network& network, std::int64_t correction_ns, Duration cycle, bool waits) {
+void shift_reference(Master& master, std::int64_t correction_ns, Duration cycle, bool waits) {
+    Network& network = master.network;
     if (!has_clock(network)) return;
     note_shift(network, correction_ns, cycle);
     if (correction_ns == 0) return;
     ClockEntry& reference = network.clocks.entries[network.clocks.reference - 1U];
     reference.offset_ns -= static_cast<std::uint64_t>(correction_ns);
-    send_to_reference(network, wire::reg::kSystemTimeOffset, reference.offset_ns, waits);
+    send_to_reference(master, wire::reg::kSystemTimeOffset, reference.offset_ns, waits);
 }
 
 std::uint64_t whole_bus_time(Network& network, const ProcessGroup& group, Time at, std::uint64_t last, Time last_at) {

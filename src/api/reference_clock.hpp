@@ -5,9 +5,11 @@
 
 namespace margay {
 
+struct Master;
+
 // Writes a register of the reference clock: all 8 octets, or 4 octets if the clock has 32 bits. A lost write is not
 // repeated, because the next value follows. `waits`: the write is sent with the next cycle, otherwise now.
-void send_to_reference(Network& network, wire::Register r, std::uint64_t value, bool waits);
+void send_to_reference(Master& master, wire::Register r, std::uint64_t value, bool waits);
 
 // Whether a datagram that is queued now is sent with the next cycle. Then it changes the reference clock after the
 // cycle has read its time. With long cycles, or if the cycle has no room for queued datagrams, the queue does not wait
@@ -16,7 +18,7 @@ void send_to_reference(Network& network, wire::Register r, std::uint64_t value, 
 
 // Moves the system time of the reference clock back by `correction_ns` (register 0x0920) in this cycle. Without
 // `waits`, the next reading shows it.
-void shift_reference(Network& network, std::int64_t correction_ns, Duration cycle, bool waits);
+void shift_reference(Master& master, std::int64_t correction_ns, Duration cycle, bool waits);
 
 // Whether there is a cycle, and the set value is less than a cycle.
 [[nodiscard]] constexpr bool is_in_cycle(Duration set_value, Duration cycle) {

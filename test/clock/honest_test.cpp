@@ -366,6 +366,7 @@ TEST(BusShiftOfLongCycles, ComesIntoSync) {
         MasterClock master(
             {.mode = MasterClock::Mode::bus_shift, .set_value = -one.cycle / 2, .phase = {.cycle = one.cycle}});
         std::int64_t most = 0;
+        const std::uint64_t lost = bus.ctx->statistics().lost;
         const Time begin = bus.osal.now();
         const auto each = [&](const CycleInfo&) {
             if (bus.osal.now() > begin + 30s) most = std::max(most, std::abs(master.error_ns()));
@@ -374,6 +375,7 @@ TEST(BusShiftOfLongCycles, ComesIntoSync) {
         ASSERT_TRUE(run_cycle(*bus.ctx, {.period = one.cycle, .clock = &master}, each).ok());
         EXPECT_EQ(master.state(), PhaseState::in_sync);
         EXPECT_LE(most, 100);
+        EXPECT_EQ(bus.ctx->statistics().lost, lost);
     }
 }
 
