@@ -18,12 +18,7 @@ constexpr Duration kLook = 1ms;
 constexpr Duration kClockStarts = 70ms;  // SYNC0 begins within this time after its activation
 constexpr Duration kSettled = 20ms;      // a status that does not change within this time stays
 
-bool refuses_cycle(const AlStatus& status) {
-    const auto code = static_cast<wire::AlStatusCode>(status.code);
-    return status.error && (code == wire::AlStatusCode::invalid_dc_sync_cycle_time ||
-                            code == wire::AlStatusCode::invalid_dc_sync0_cycle_time);
-}
-bool has_process_data(AlState state) { return state == AlState::safeop || state == AlState::op; }
+bool exchanges_process_data(AlState state) { return state == AlState::safeop || state == AlState::op; }
 
 }  // namespace
 
@@ -35,6 +30,12 @@ std::string status_text(const AlStatus& status) {
     if (status.error || status.code != 0)
         text += fmt::format(", AL status code 0x{:04x} ({})", status.code, wire::al_status_text(status.code));
     return text;
+}
+
+bool refuses_cycle(const AlStatus& status) {
+    const auto code = static_cast<wire::AlStatusCode>(status.code);
+    return status.error && (code == wire::AlStatusCode::invalid_dc_sync_cycle_time ||
+                            code == wire::AlStatusCode::invalid_dc_sync0_cycle_time);
 }
 
 Bench::Bench(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t number)
@@ -174,7 +175,7 @@ Duration Bench::patience(AlState to) {
 }
 
 AlStatus Bench::go(AlState state, bool with_process_data) {
-    const bool cyclic = with_process_data && has_process_data(state);
+    const bool cyclic = with_process_data && exchanges_process_data(state);
     std::optional<CycleRun> frames;
     if (cyclic) frames.emplace(cycle_, areas_, now(), period_);
     if (cyclic && state == AlState::op && uses_clock()) wait(kClockStarts);

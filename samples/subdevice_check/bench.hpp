@@ -166,5 +166,7 @@ class Bench {
 
 [[nodiscard]] std::string status_text(const AlStatus& status);
 [[nodiscard]] std::string state_text(AlState state);
+// Whether the slave refuses the cycle of its clock: AL status code 0x0035 or 0x0036.
+[[nodiscard]] bool refuses_cycle(const AlStatus& status);
 
 }  // namespace margay::samples::conformance

@@ -27,9 +27,12 @@ struct Session {
     bool lengths_known = false;    // find_process_data_lengths() has found them
     // Of SYNC0, as the slave tells it; 0: it does not. find_shortest_cycle() has found it.
     std::optional<Duration> shortest_cycle{};
-    // The changes of a check that could not be undone; execute() reports and clears the text.
+    // The changes of a check that could not be undone; execute_check() reports and clears the text.
     std::string left_changed{};
 };
+
+// A check reports at most this many findings of one kind, and counts the others.
+inline constexpr std::size_t kMostFindings = 5;
 
 struct Check {
     std::string_view name;
@@ -74,6 +77,9 @@ struct SiiPdo {
 [[nodiscard]] unsigned clock_attempts(const Session& session);  // the largest number of cycles
 void find_shortest_cycle(Session& session);                     // in PREOP
 [[nodiscard]] Duration activate_clock(Session& session, unsigned attempt);
+
+// What most checks of the dictionary begin with: the slave has CoE, and goes to PREOP (sdos.cpp).
+void begin_sdo_check(Session& session);
 
 // Entries that can be written in PREOP with the value that they have, without an effect: configuration of the
 // communication (sdos.cpp).

@@ -158,12 +158,6 @@ std::vector<sii::DcOpMode> needs_modes(Session& session) {
     return modes;
 }
 
-bool refuses_cycle(const AlStatus& status) {
-    const auto code = static_cast<AlStatusCode>(status.code);
-    return status.error &&
-           (code == AlStatusCode::invalid_dc_sync_cycle_time || code == AlStatusCode::invalid_dc_sync0_cycle_time);
-}
-
 // The shortest SYNC0 cycle of the slave: 0x1C32:05, without outputs 0x1C33:05, or the objects of another SyncManager.
 std::optional<Duration> shortest_cycle(Session& session) {
     std::uint32_t shortest = 0;
@@ -175,7 +169,7 @@ std::optional<Duration> shortest_cycle(Session& session) {
 }
 
 // The cycles in which the slave may follow, then its shortest one, then the others.
-std::vector<Duration> in_order(std::vector<Duration> cycles, const sii::DcOpMode& mode, Duration shortest) {
+std::vector<Duration> possible_first(std::vector<Duration> cycles, const sii::DcOpMode& mode, Duration shortest) {
     const auto possible = [&](Duration bus) { return sync0_cycle(mode, bus) >= shortest; };
     const auto others = std::ranges::stable_partition(cycles, possible).begin();
     if (shortest != Duration{} && std::ranges::find(cycles, shortest) == cycles.end()) cycles.insert(others, shortest);
@@ -188,7 +182,7 @@ std::vector<Duration> bus_cycles(Session& session, const sii::DcOpMode& mode) {
     std::vector<Duration> cycles(std::begin(kBusCycles), std::end(kBusCycles));
     if (!session.bench.has(mailbox_protocol::kCoE) || session.mail.dead()) return cycles;
     session.bench.enter(AlState::preop);
-    return in_order(std::move(cycles), mode, shortest_cycle(session).value_or(Duration{}));
+    return possible_first(std::move(cycles), mode, shortest_cycle(session).value_or(Duration{}));
 }
 
 // OP with the first cycle that the slave does not refuse. Returns the last status.
@@ -383,7 +377,7 @@ void check_cycle1(Session& session) {
 constexpr std::string_view kClock = "ETG.1000.4, Distributed clock";
 constexpr std::string_view kSync = "ETG.1020, Synchronization; ETG.2010, category DC";
 
-constexpr Check kChecks[] = {
+constexpr Check kClockChecks[] = {
     {"clock.registers", "a clock that is announced exists", kClock, check_registers},
     {"clock.rate", "the clock counts nanoseconds", kClock, check_rate},
     {"clock.sync0", "OP with the SYNC signals of each operation mode", kSync, check_sync},
@@ -396,7 +390,7 @@ constexpr Check kChecks[] = {
 
 }  // namespace
 
-std::span<const Check> clock_checks() { return kChecks; }
+std::span<const Check> clock_checks() { return kClockChecks; }
 
 unsigned clock_attempts(const Session& session) {
     const auto modes = modes_of(session);
@@ -428,7 +422,7 @@ Duration activate_clock(Session& session, unsigned attempt) {
     const auto& mode = *std::ranges::find_if(modes, uses_sync);
     std::vector<Duration> cycles(std::begin(kBusCycles), std::end(kBusCycles));
     std::swap(cycles[0], cycles[1]);  // 1 ms, as without a clock
-    cycles = in_order(std::move(cycles), mode, session.shortest_cycle.value_or(Duration{}));
+    cycles = possible_first(std::move(cycles), mode, session.shortest_cycle.value_or(Duration{}));
     const auto bus = mode.sync0_cycle_time_ns != 0 ? Duration{mode.sync0_cycle_time_ns}
                                                    : cycles[std::min<std::size_t>(attempt, cycles.size() - 1)];
     activate(session.bench, setting_of(mode, bus));

@@ -11,12 +11,10 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::string_view kComplete = "ETG.1000.6, SDO Upload (complete access)";
-constexpr std::size_t kMostFindings = 5;  // then they are counted
-constexpr Duration kLongest = 60s;        // for the comparison of all objects
+constexpr Duration kLongest = 60s;  // for the comparison of all objects
 
 bool announced(Session& session) {
-    session.sdo.needs_sdo();
-    session.bench.enter(AlState::preop);
+    begin_sdo_check(session);
     return (session.bench.slave().coe_details & coe_detail::kCompleteAccess) != 0;
 }
 
@@ -26,7 +24,7 @@ bool says_unsupported(Abort abort) {
 }
 bool says_too_large(Abort abort) { return abort == Abort::out_of_memory || abort == Abort::exceeds_mailbox; }
 
-void check_identity(Session& session) {
+void check_complete_access(Session& session) {
     auto& bench = session.bench;
     const bool supported = announced(session);
     const auto up = session.sdo.upload(0x1018, 0, true);
@@ -145,7 +143,7 @@ class ObjectComparison {
     std::set<std::uint16_t> refusing_;
 };
 
-void check_objects(Session& session) {
+void check_complete_objects(Session& session) {
     ObjectComparison comparison(session, announced(session));
     const auto indices = whole_objects(session);
     if (indices.empty()) session.bench.skip("the device has no records and arrays");
@@ -159,7 +157,7 @@ void check_objects(Session& session) {
     comparison.conclude(left);
 }
 
-void check_download(Session& session) {
+void check_complete_download(Session& session) {
     auto& bench = session.bench;
     if (!announced(session)) bench.skip("the SII does not announce complete access");
     const auto indices = writable_objects(session);
@@ -186,16 +184,17 @@ void check_download(Session& session) {
     }
 }
 
-constexpr Check kChecks[] = {
+constexpr Check kCompleteAccessChecks[] = {
     {"sdo.complete_download", "complete access writes a whole object", "ETG.1000.6, SDO Download (complete access)",
-     check_download},
-    {"sdo.complete_access", "complete access returns the subindices one after the other", kComplete, check_identity},
+     check_complete_download},
+    {"sdo.complete_access", "complete access returns the subindices one after the other", kComplete,
+     check_complete_access},
     {"sdo.complete_objects", "complete access returns the values of the subindices of each object", kComplete,
-     check_objects},
+     check_complete_objects},
 };
 
 }  // namespace
 
-std::span<const Check> complete_access_checks() { return kChecks; }
+std::span<const Check> complete_access_checks() { return kCompleteAccessChecks; }
 
 }  // namespace margay::samples::conformance

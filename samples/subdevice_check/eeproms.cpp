@@ -169,7 +169,7 @@ void check_chip(Session& session) {
 }
 
 // One command; returns the status when the interface is not busy any more.
-std::uint16_t execute(Bench& bench, std::uint16_t command, std::uint32_t word) {
+std::uint16_t execute_command(Bench& bench, std::uint16_t command, std::uint32_t word) {
     bench.write<std::uint32_t>(reg::kSiiAddress.address, word);
     bench.write<std::uint16_t>(reg::kSiiControl.address, command);
     for (const Time until = bench.now() + 100ms; bench.now() < until;) {
@@ -187,7 +187,7 @@ void check_read(Session& session) {
     Duration slowest{};
     for (std::uint32_t word = 8; word < 16; word += 2) {
         const Time begun = bench.now();
-        const auto status = execute(bench, control::kCommandRead, word);
+        const auto status = execute_command(bench, control::kCommandRead, word);
         slowest = std::max(slowest, bench.now() - begun);
         if ((status & control::kErrorMask & ~(control::kChecksumError | control::kNotLoaded)) != 0) {
             bench.fail(fmt::format("a read command of word 0x{:04x} ended with the status 0x{:04x}", word, status));
@@ -211,7 +211,7 @@ void check_ownership(Session& session) {
     bench.give_eeprom(false);
     if ((bench.read<std::uint8_t>(reg::kSiiPdiAccess.address) & 1) != 0)
         bench.fail("the master has forced the access to the EEPROM, and the PDI still has it (0x0501)");
-    const auto status = execute(bench, control::kCommandRead, 8);
+    const auto status = execute_command(bench, control::kCommandRead, 8);
     if ((status & control::kErrorMask & ~(control::kChecksumError | control::kNotLoaded)) != 0)
         bench.fail(fmt::format("in PREOP a read command of the master ended with the status 0x{:04x}", status));
     if (const auto al = bench.al_status(); al.error || al.state != AlState::preop)
@@ -239,7 +239,7 @@ std::uint16_t write_word(Bench& bench, std::uint32_t word, std::uint16_t value) 
 std::uint16_t read_stored_word(Bench& bench, std::uint32_t word) {
     std::uint16_t status = control::kMissingAcknowledge;
     for (const Time until = bench.now() + 100ms; bench.now() < until && (status & control::kMissingAcknowledge) != 0;)
-        status = execute(bench, control::kCommandRead, word);
+        status = execute_command(bench, control::kCommandRead, word);
     return bench.read<std::uint16_t>(reg::kSiiData.address);
 }
 
@@ -265,7 +265,7 @@ void check_stored(Bench& bench, Bytes content) {
             fmt::format("word 0x{:04x}, which is not in use, was 0x{:04x} and is 0x{:04x} now", word, before, now));
 }
 
-void check_write(Session& session) {
+void check_eeprom_write(Session& session) {
     if (!session.options.write_eeprom) session.bench.skip("the EEPROM is written only with --eeprom-write");
     needs_content(session);
     auto& bench = session.bench;
@@ -288,11 +288,11 @@ void check_write(Session& session) {
     check_stored(bench, session.sii);
     // Without write enable, the EEPROM must not store a word.
     bench.write<std::uint16_t>(reg::kSiiData.address, static_cast<std::uint16_t>(~before));
-    if ((execute(bench, control::kCommandWrite, sii::word::kAlias) & control::kWriteEnableError) == 0)
+    if ((execute_command(bench, control::kCommandWrite, sii::word::kAlias) & control::kWriteEnableError) == 0)
         bench.fail("a write command without write enable is no error (0x0502 bit 14)");
 }
 
-constexpr Check kChecks[] = {
+constexpr Check kEepromChecks[] = {
     {"eeprom.content", "the content keeps the rules of its format", kContent, check_content},
     {"eeprom.agrees", "what the SII says twice agrees", kContent, check_agrees},
     {"eeprom.loaded", "the ESC has loaded its configuration", kInterface, check_loaded},
@@ -301,11 +301,11 @@ constexpr Check kChecks[] = {
     {"eeprom.chip", "the SII describes the chip that is there", kContent, check_chip},
     {"eeprom.read", "the interface executes read commands", kInterface, check_read},
     {"eeprom.ownership", "the master gives the EEPROM to the PDI and takes it back", kInterface, check_ownership},
-    {"eeprom.write", "a word can be written and is stored, and only with write enable", kInterface, check_write},
+    {"eeprom.write", "a word can be written and is stored, and only with write enable", kInterface, check_eeprom_write},
 };
 
 }  // namespace
 
-std::span<const Check> eeprom_checks() { return kChecks; }
+std::span<const Check> eeprom_checks() { return kEepromChecks; }
 
 }  // namespace margay::samples::conformance

@@ -13,7 +13,6 @@ using coe::InfoOpcode;
 using coe::ListType;
 
 constexpr std::string_view kInformation = "ETG.1000.6, SDO Information";
-constexpr std::size_t kMostFindings = 5;  // of one kind, then they are counted
 
 // The data of a response from its service data on, of all fragments.
 struct InfoReply {
@@ -100,15 +99,15 @@ std::vector<std::uint16_t> indices_of(const InfoReply& reply) {
     return indices;
 }
 
-void enter(Session& session) {
+void begin_information_check(Session& session) {
     session.sdo.needs_sdo();
     if ((session.bench.slave().coe_details & coe_detail::kSdoInformation) == 0)
         session.bench.skip("the SII does not announce SDO information");
     session.bench.enter(AlState::preop);
 }
 
-void check_lists(Session& session) {
-    enter(session);
+void check_object_lists(Session& session) {
+    begin_information_check(session);
     auto& bench = session.bench;
     const auto lengths = list(session, ListType::lengths);
     if (!lengths.ok() || lengths.data.size() < 12) {
@@ -234,7 +233,7 @@ void EntryCheck::compare(const DictionaryEntry& entry, bool list) {
 }
 
 void check_entries(Session& session) {
-    enter(session);
+    begin_information_check(session);
     const auto reply = list(session, ListType::all);
     if (!reply.ok()) session.bench.skip("the list of all objects cannot be read (information.lists)");
     EntryCheck check{session};
@@ -269,13 +268,13 @@ bool is_signed(coe::DataType type) {
 }
 
 // A number of up to eight octets, in the order of the type: signed numbers with their sign bit inverted.
-std::uint64_t in_order(Bytes octets, coe::DataType type) {
+std::uint64_t ordered_number(Bytes octets, coe::DataType type) {
     std::uint64_t number = 0;
     for (std::size_t n = 0; n < octets.size(); ++n) number |= std::to_integer<std::uint64_t>(octets[n]) << (8 * n);
     return is_signed(type) ? number ^ std::uint64_t{1} << (8 * octets.size() - 1) : number;
 }
 std::string number_text(Bytes octets, coe::DataType type) {
-    const auto ordered = in_order(octets, type);
+    const auto ordered = ordered_number(octets, type);
     if (!is_signed(type)) return fmt::format("{}", ordered);
     return fmt::format("{}", static_cast<std::int64_t>(ordered - (std::uint64_t{1} << (8 * octets.size() - 1))));
 }
@@ -293,7 +292,7 @@ void check_entry_limits(Session& session, const DictionaryEntry& described) {
     if ((std::to_integer<unsigned>(reply.data[3]) & 0x78U) != kBoth) return;
     const Bytes minimum = Bytes(reply.data).subspan(head, bytes);
     const Bytes maximum = Bytes(reply.data).subspan(head + bytes, bytes);
-    const auto order = [&](Bytes octets) { return in_order(octets, described.type); };
+    const auto order = [&](Bytes octets) { return ordered_number(octets, described.type); };
     const auto text = [&](Bytes octets) { return number_text(octets, described.type); };
     const auto name = object_text(described.index, described.subindex);
     if (order(minimum) > order(maximum))
@@ -308,7 +307,7 @@ void check_entry_limits(Session& session, const DictionaryEntry& described) {
 }
 
 void check_limits(Session& session) {
-    enter(session);
+    begin_information_check(session);
     if (!session.sdo.entries_complete) session.bench.skip("the entries were not read (information.entries)");
     const auto entries = session.sdo.entries;
     for (const auto& described : entries) check_entry_limits(session, described);
@@ -316,7 +315,7 @@ void check_limits(Session& session) {
 
 // The lists of objects that can be mapped, stored and set, against the access bits of the entries.
 void check_uses(Session& session) {
-    enter(session);
+    begin_information_check(session);
     if (!session.sdo.entries_complete) session.bench.skip("the entries were not read (information.entries)");
     constexpr std::pair<ListType, std::uint16_t> kLists[] = {{ListType::rx_mappable, coe::access::kRxMappable},
                                                              {ListType::tx_mappable, coe::access::kTxMappable},
@@ -352,7 +351,7 @@ void check_uses(Session& session) {
 
 // Subindex 0 of records and arrays is the highest subindex that exists now; the description has the highest possible.
 void check_subindices(Session& session) {
-    enter(session);
+    begin_information_check(session);
     const auto reply = list(session, ListType::all);
     if (!reply.ok()) session.bench.skip("the list of all objects cannot be read (information.lists)");
     for (const auto index : indices_of(reply)) {
@@ -373,7 +372,7 @@ void check_subindices(Session& session) {
 }
 
 void check_errors(Session& session) {
-    enter(session);
+    begin_information_check(session);
     const auto absent = object(session, 0x5FFE);
     if (absent.abort != Abort::no_object)
         session.bench.fail(fmt::format("the description of object 0x5FFE, which does not exist: {}, expected {}",
@@ -388,9 +387,8 @@ void check_errors(Session& session) {
 
 // 0x1018 and 0x1000 against the SII: a master identifies the device by both.
 void check_identity(Session& session) {
-    session.sdo.needs_sdo();
+    begin_sdo_check(session);
     auto& bench = session.bench;
-    bench.enter(AlState::preop);
     const auto& identity = bench.slave().identity;
     const struct {
         std::uint8_t subindex;
@@ -422,10 +420,10 @@ void check_identity(Session& session) {
             fmt::format("the device type 0x1000 cannot be read as 32 bits: {}", reason_text(type.fault, type.abort)));
 }
 
-constexpr Check kChecks[] = {
+constexpr Check kInformationChecks[] = {
     {"information.identity", "objects 0x1000 and 0x1018 exist and agree with the SII", "ETG.1000.6, Object Dictionary",
      check_identity},
-    {"information.lists", "the lists of objects agree with their lengths", kInformation, check_lists},
+    {"information.lists", "the lists of objects agree with their lengths", kInformation, check_object_lists},
     {"information.entries", "each entry is what its description says", kInformation, check_entries},
     {"information.limits", "each value is within the limits of its description", kInformation, check_limits},
     {"information.uses", "the lists of mappable and stored objects agree with the descriptions", kInformation,
@@ -436,6 +434,6 @@ constexpr Check kChecks[] = {
 
 }  // namespace
 
-std::span<const Check> information_checks() { return kChecks; }
+std::span<const Check> information_checks() { return kInformationChecks; }
 
 }  // namespace margay::samples::conformance

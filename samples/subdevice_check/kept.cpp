@@ -8,7 +8,7 @@
 
 namespace margay::samples::conformance {
 namespace {
-constexpr int kTries = 10;
+constexpr int kTriesToPutBack = 10;
 constexpr int kRefusals = 3;  // a slave that does not do what the check needs
 }  // namespace
 
@@ -52,7 +52,7 @@ bool Kept::differs() {
 std::string Kept::put_back() {
     auto& bench = session_.bench;
     std::string why;
-    for (int n = 0, refusals = 0; n < kTries && refusals < kRefusals && !stop_asked(); ++n) {
+    for (int n = 0, refusals = 0; n < kTriesToPutBack && refusals < kRefusals && !stop_asked(); ++n) {
         try {
             bench.enter(AlState::preop);
             const auto refused = write();

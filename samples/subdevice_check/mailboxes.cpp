@@ -18,7 +18,7 @@ constexpr std::string_view kErrorReply = "ETG.1000.6, table Mailbox error reply"
 constexpr std::uint16_t kActivate1 = reg::kSyncManagerBase + reg::kSyncManagerStride + 6;
 constexpr std::uint16_t kPdiControl1 = reg::kSyncManagerBase + reg::kSyncManagerStride + 7;
 
-void enter(Session& session) {
+void begin_mailbox_check(Session& session) {
     session.mail.needs_mailbox();
     session.bench.enter(AlState::preop);
     (void)session.mail.drain(0ns);
@@ -42,7 +42,7 @@ void check_empty(Session& session) {
 }
 
 void check_answers(Session& session) {
-    enter(session);
+    begin_mailbox_check(session);
     const auto message = session.mail.ping();
     const auto is_reply = [&](const Mail& mail) { return session.mail.answers_ping(mail); };
     if (session.mail.ask_if(message.type, message.data, is_reply, MailBench::kResponse)) return;
@@ -53,7 +53,7 @@ void check_answers(Session& session) {
 
 // ETG.2000: RequestTimeout is 100 ms where the ESI says nothing else.
 void check_taken(Session& session) {
-    enter(session);
+    begin_mailbox_check(session);
     const auto message = session.mail.ping();
     session.mail.put(message.type, message.data);
     const Time begun = session.bench.now();
@@ -71,7 +71,7 @@ void check_taken(Session& session) {
 }
 
 void check_one_reply(Session& session) {
-    enter(session);
+    begin_mailbox_check(session);
     (void)session.mail.ping_works(MailBench::kResponse);
     std::size_t more = 0;
     std::string example;
@@ -87,7 +87,7 @@ void check_one_reply(Session& session) {
 
 // The slave must not execute a message whose counter is that of the message before.
 void check_duplicate(Session& session) {
-    enter(session);
+    begin_mailbox_check(session);
     auto& mail = session.mail;
     const auto message = mail.ping();
     const MailboxHeader header{.length = static_cast<std::uint16_t>(message.data.size()),
@@ -126,7 +126,7 @@ bool repeat_acknowledged(Bench& bench, bool request) {
 
 // The reply that was read last is asked for again, as after a lost frame.
 void check_repeat(Session& session) {
-    enter(session);
+    begin_mailbox_check(session);
     auto& bench = session.bench;
     auto& mail = session.mail;
     const auto message = mail.ping();
@@ -234,7 +234,7 @@ void expect_known(Session& session, const ProtocolRequest& request) {
 }
 
 void check_type(Session& session) {
-    enter(session);
+    begin_mailbox_check(session);
     const auto data = session.mail.ping().data;
     const auto bytes = static_cast<std::uint16_t>(data.size());
     expect_error(session,
@@ -259,7 +259,7 @@ void check_type(Session& session) {
 }
 
 void check_length(Session& session) {
-    enter(session);
+    begin_mailbox_check(session);
     const auto message = session.mail.ping();
     const auto most = static_cast<std::uint16_t>(session.mail.out_bytes() - wire::kMailboxHeaderBytes);
     const auto header = [&](unsigned length) {
@@ -280,7 +280,7 @@ void check_length(Session& session) {
 }
 
 void check_channel(Session& session) {
-    enter(session);
+    begin_mailbox_check(session);
     const auto message = session.mail.ping();
     MailboxHeader header{.length = static_cast<std::uint16_t>(message.data.size()),
                          .channel = 1,
@@ -295,7 +295,7 @@ void check_channel(Session& session) {
 
 // Messages as fast as the slave takes them, and no reply is read meanwhile: what the slave has taken it must answer.
 void check_full(Session& session) {
-    enter(session);
+    begin_mailbox_check(session);
     auto& bench = session.bench;
     auto& mail = session.mail;
     const auto message = mail.ping();
@@ -328,7 +328,7 @@ void check_full(Session& session) {
 
 // A message that fills the mailbox to its last octet, and one that uses only its begin.
 void check_octets(Session& session) {
-    enter(session);
+    begin_mailbox_check(session);
     auto message = session.mail.ping();
     auto& bench = session.bench;
     message.data.resize(session.mail.out_bytes() - wire::kMailboxHeaderBytes);
@@ -380,7 +380,7 @@ void check_states(Session& session) {
 
 // A reply that the master has not read is gone after INIT.
 void check_forgotten(Session& session) {
-    enter(session);
+    begin_mailbox_check(session);
     const auto message = session.mail.ping();
     session.mail.put(message.type, message.data);
     session.bench.wait(20ms);
@@ -390,7 +390,7 @@ void check_forgotten(Session& session) {
 
 constexpr std::string_view kDataLink = "ETG.1000.4, Mailbox";
 
-constexpr Check kChecks[] = {
+constexpr Check kMailboxChecks[] = {
     {"mailbox.empty", "after INIT no reply waits in the send mailbox", kDataLink, check_empty},
     {"mailbox.answers", "a request is answered", kDataLink, check_answers},
     {"mailbox.taken", "the slave takes a message soon", "ETG.2000, Mailbox/Timeout/RequestTimeout", check_taken},
@@ -410,6 +410,6 @@ constexpr Check kChecks[] = {
 
 }  // namespace
 
-std::span<const Check> mailbox_checks() { return kChecks; }
+std::span<const Check> mailbox_checks() { return kMailboxChecks; }
 
 }  // namespace margay::samples::conformance

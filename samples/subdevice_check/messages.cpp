@@ -63,7 +63,7 @@ void check_times(Session& session) {
         session.bench.remark(fmt::format("the slowest reply took {} ms", session.mail.slowest_reply() / 1ms));
 }
 
-constexpr Check kChecks[] = {
+constexpr Check kMessageChecks[] = {
     {"messages.counters", "the counter of the slave's messages runs from 1 to 7",
      "ETG.1000.4, Mailbox (counter of the header)", check_counters},
     {"messages.lengths", "the length of each message is that of its content", "ETG.1000.4, Mailbox (header)",
@@ -78,6 +78,6 @@ constexpr Check kChecks[] = {
 
 }  // namespace
 
-std::span<const Check> message_checks() { return kChecks; }
+std::span<const Check> message_checks() { return kMessageChecks; }
 
 }  // namespace margay::samples::conformance

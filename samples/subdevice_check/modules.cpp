@@ -17,8 +17,7 @@ constexpr std::uint16_t kDetected = 0xF050;
 
 // The idents of 0xF050, from the first slot on.
 std::vector<std::uint32_t> detected_modules(Session& session) {
-    session.sdo.needs_sdo();
-    session.bench.enter(AlState::preop);
+    begin_sdo_check(session);
     const auto count = session.sdo.number(kDetected, 0);
     if (!count) session.bench.skip("the device has no list of detected modules (0xF050)");
     std::vector<std::uint32_t> idents;
@@ -30,7 +29,7 @@ std::vector<std::uint32_t> detected_modules(Session& session) {
     return idents;
 }
 
-void check_lists(Session& session) {
+void check_slot_lists(Session& session) {
     const auto idents = detected_modules(session);
     auto& bench = session.bench;
     auto& sdo = session.sdo;
@@ -147,14 +146,14 @@ void check_mismatch(Session& session) {
     }
 }
 
-constexpr Check kChecks[] = {
-    {"modules.lists", "the lists of slots agree with each other and with the PDOs", kProfile, check_lists},
+constexpr Check kModuleChecks[] = {
+    {"modules.lists", "the lists of slots agree with each other and with the PDOs", kProfile, check_slot_lists},
     {"modules.match", "the list of the detected modules is accepted", kProfile, check_match},
     {"modules.mismatch", "a list of other modules is refused with 0x0070", kProfile, check_mismatch},
 };
 
 }  // namespace
 
-std::span<const Check> module_checks() { return kChecks; }
+std::span<const Check> module_checks() { return kModuleChecks; }
 
 }  // namespace margay::samples::conformance

@@ -37,12 +37,9 @@ std::optional<std::vector<SiiPdo>> dictionary_pdos(Session& session, const Proce
     return pdos;
 }
 
-bool has_process_data(const Session& session) { return !session.bench.areas().empty(); }
-
-void enter(Session& session) {
-    session.sdo.needs_sdo();
-    session.bench.enter(AlState::preop);
-    if (!has_process_data(session)) session.bench.skip("the SII describes no process data");
+void begin_pdo_check(Session& session) {
+    begin_sdo_check(session);
+    if (session.bench.areas().empty()) session.bench.skip("the SII describes no process data");
     find_process_data_lengths(session);  // before a check changes the objects
 }
 
@@ -52,8 +49,8 @@ std::string entry_text(std::uint32_t entry) {
                        entry & 0xFFU);
 }
 
-void check_objects(Session& session) {
-    enter(session);
+void check_assignment_objects(Session& session) {
+    begin_pdo_check(session);
     auto& bench = session.bench;
     const auto& slave = bench.slave();
     if (const auto types = session.sdo.number(0x1C00, 0); !types) {
@@ -80,7 +77,7 @@ void check_objects(Session& session) {
 
 // Every mapped entry exists, has the mapped size, and is mappable in this direction.
 void check_mapped(Session& session) {
-    enter(session);
+    begin_pdo_check(session);
     auto& bench = session.bench;
     if (!session.sdo.entries_complete) bench.skip("the dictionary was not read (information.entries)");
     for (const auto& area : bench.areas()) {
@@ -111,7 +108,7 @@ void check_mapped(Session& session) {
 }
 
 void check_sii(Session& session) {
-    enter(session);
+    begin_pdo_check(session);
     auto& bench = session.bench;
     if (!session.sii_fault.empty()) bench.skip("the SII cannot be read: " + session.sii_fault);
     for (const auto& area : bench.areas()) {
@@ -150,7 +147,7 @@ bool writable(const Session& session, std::uint16_t index) {
 
 // The areas whose assignment a master may change.
 std::vector<ProcessArea> assignable(Session& session) {
-    enter(session);
+    begin_pdo_check(session);
     std::vector<ProcessArea> areas;
     for (const auto& area : session.bench.areas())
         if (area.setting.length_bytes != 0 && writable(session, assignment_of(area))) areas.push_back(area);
@@ -205,7 +202,7 @@ void check_unknown_pdo(Session& session) {
 
 void check_locked(Session& session) {
     auto& bench = session.bench;
-    enter(session);
+    begin_pdo_check(session);
     std::vector<std::uint16_t> changeable;
     for (const auto& area : bench.areas()) {
         if (area.setting.length_bytes == 0) continue;
@@ -229,7 +226,7 @@ void check_locked(Session& session) {
 // The first mapping object that a master may change, of each SyncManager.
 void check_mapping(Session& session) {
     auto& bench = session.bench;
-    enter(session);
+    begin_pdo_check(session);
     if ((bench.slave().coe_details & coe_detail::kPdoConfiguration) == 0)
         bench.skip("the SII does not announce that the PDO mapping can be changed");
     for (const auto& area : bench.areas()) {
@@ -272,8 +269,8 @@ void check_mapping(Session& session) {
     }
 }
 
-constexpr Check kChecks[] = {
-    {"pdos.objects", "0x1C00 and the PDO assignments exist and agree with the SII", kAssign, check_objects},
+constexpr Check kPdoChecks[] = {
+    {"pdos.objects", "0x1C00 and the PDO assignments exist and agree with the SII", kAssign, check_assignment_objects},
     {"pdos.mapped", "each mapped entry exists and can be mapped", kMapping, check_mapped},
     {"pdos.sii", "the objects and the SII assign the same PDOs", "ETG.2010, category TXPDO and RXPDO", check_sii},
     {"pdos.assignment", "the assignment is changed in the order of the standard", kAssign, check_assignment},
@@ -328,6 +325,6 @@ void find_process_data_lengths(Session& session) {
     }
 }
 
-std::span<const Check> pdo_checks() { return kChecks; }
+std::span<const Check> pdo_checks() { return kPdoChecks; }
 
 }  // namespace margay::samples::conformance

@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr int kTries = 2;
+constexpr int kTriesOfCheck = 2;
 constexpr int kReadings = 4;
 
 void read_content(Session& session) {
@@ -28,9 +28,9 @@ void read_content(Session& session) {
     session.sii_fault = std::move(content.error);
 }
 
-CheckResult execute(Session& session, const Check& check) {
+CheckResult execute_check(Session& session, const Check& check) {
     CheckResult result;
-    for (int n = 0; n < kTries; ++n) {
+    for (int n = 0; n < kTriesOfCheck; ++n) {
         result = {.name = std::string(check.name), .what = std::string(check.what)};
         session.bench.begin(result, check.clause);
         try {
@@ -157,7 +157,7 @@ Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t n
     for (const auto& check : chosen_checks(options)) {
         if (stop_asked()) break;
         if (progress) progress(check.name);
-        report.checks.push_back(execute(session, check));
+        report.checks.push_back(execute_check(session, check));
     }
     leave(bench);
     if (stop_asked()) return {.report = std::move(report), .error = "stopped"};

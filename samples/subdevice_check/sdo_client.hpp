@@ -91,6 +91,9 @@ class SdoClient {
     std::string dead_;
 };
 
+// The clause of the abort codes.
+inline constexpr std::string_view kAbortCodes = "ETG.1000.6, table SDO Abort Codes";
+
 // "abort 0x06090011 (subindex does not exist)"
 [[nodiscard]] std::string abort_text(Abort abort);
 // Why a transfer failed: the fault if there is one, else the abort.

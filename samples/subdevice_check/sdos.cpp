@@ -10,16 +10,10 @@ namespace {
 using coe::SdoLayout;
 namespace sdo = coe::sdo;
 
-constexpr std::string_view kAborts = "ETG.1000.6, table SDO Abort Codes";
 constexpr std::string_view kUpload = "ETG.1000.6, SDO Upload Expedited";
 
-void enter(Session& session) {
-    session.sdo.needs_sdo();
-    session.bench.enter(AlState::preop);
-}
-
-void check_upload(Session& session) {
-    enter(session);
+void check_upload_response(Session& session) {
+    begin_sdo_check(session);
     auto& bench = session.bench;
     const auto reply = session.sdo.ask(SdoClient::initiate(sdo::command(coe::request::kUpload), 0x1000, 0));
     if (!reply.ok()) {
@@ -52,7 +46,7 @@ void expect_abort(Session& session, const std::string& what, const SdoReply& rep
 }
 
 void check_aborts(Session& session) {
-    enter(session);
+    begin_sdo_check(session);
     const auto upload = sdo::command(coe::request::kUpload);
     const auto download = [](unsigned unused) {
         return sdo::command(coe::request::kDownload,
@@ -75,7 +69,7 @@ void check_aborts(Session& session) {
 }
 
 void check_write_only(Session& session) {
-    enter(session);
+    begin_sdo_check(session);
     const auto found = std::ranges::find_if(session.sdo.entries, [](const DictionaryEntry& entry) {
         return (entry.access & coe::access::kRead) == 0 && (entry.access & coe::access::kWrite) != 0;
     });
@@ -88,7 +82,7 @@ void check_write_only(Session& session) {
 
 // All read-only entries would take long on large dictionaries: the first ones of different objects.
 void check_read_only(Session& session) {
-    enter(session);
+    begin_sdo_check(session);
     constexpr std::size_t kMost = 20;
     std::size_t tried = 0;
     std::uint16_t last = 0x1000;  // sdo.aborts tries 0x1000
@@ -110,8 +104,8 @@ void check_read_only(Session& session) {
     if (tried == 0) session.bench.skip("the dictionary has no read-only number");
 }
 
-void check_write(Session& session) {
-    enter(session);
+void check_entry_write(Session& session) {
+    begin_sdo_check(session);
     auto& bench = session.bench;
     const auto entries = harmless_entries(session);
     if (entries.empty()) bench.skip("the dictionary has no writable entry that the check may write back");
@@ -167,19 +161,25 @@ void check_rights(Session& session) {
     }
 }
 
-constexpr Check kChecks[] = {
-    {"sdo.upload", "the response to an upload has the form of the standard", kUpload, check_upload},
-    {"sdo.aborts", "wrong requests end with the abort code of the standard", kAborts, check_aborts},
-    {"sdo.write_only", "a write-only entry cannot be read", kAborts, check_write_only},
-    {"sdo.write", "a value of the right length can be written, one of a wrong length cannot", kAborts, check_write},
-    {"sdo.read_only", "read-only entries cannot be written", kAborts, check_read_only},
+constexpr Check kSdoChecks[] = {
+    {"sdo.upload", "the response to an upload has the form of the standard", kUpload, check_upload_response},
+    {"sdo.aborts", "wrong requests end with the abort code of the standard", kAbortCodes, check_aborts},
+    {"sdo.write_only", "a write-only entry cannot be read", kAbortCodes, check_write_only},
+    {"sdo.write", "a value of the right length can be written, one of a wrong length cannot", kAbortCodes,
+     check_entry_write},
+    {"sdo.read_only", "read-only entries cannot be written", kAbortCodes, check_read_only},
     {"sdo.rights", "an entry that is writable in PREOP only is not written in SAFEOP and OP",
      "ETG.1000.6, SDO Information (object access)", check_rights},
 };
 
 }  // namespace
 
-std::span<const Check> sdo_checks() { return kChecks; }
+std::span<const Check> sdo_checks() { return kSdoChecks; }
+
+void begin_sdo_check(Session& session) {
+    session.sdo.needs_sdo();
+    session.bench.enter(AlState::preop);
+}
 
 std::vector<DictionaryEntry> harmless_entries(const Session& session) {
     std::vector<DictionaryEntry> entries;

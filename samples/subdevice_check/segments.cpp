@@ -12,12 +12,6 @@ using coe::SdoLayout;
 namespace sdo = coe::sdo;
 
 constexpr std::string_view kSegments = "ETG.1000.6, Upload SDO Segment";
-constexpr std::string_view kAborts = "ETG.1000.6, table SDO Abort Codes";
-
-void enter(Session& session) {
-    session.sdo.needs_sdo();
-    session.bench.enter(AlState::preop);
-}
 
 std::string name_of(const LargeValue& value) {
     return value.complete ? fmt::format("0x{:04x} by complete access", value.index)
@@ -46,7 +40,7 @@ std::vector<LargeValue> found_by_trying(Session& session) {
 // The values that do not fit one message, that with the most segments first. The check of the information service,
 // which looks for them, does not run on every slave.
 std::vector<LargeValue> large_values(Session& session) {
-    enter(session);
+    begin_sdo_check(session);
     return session.sdo.large.empty() ? found_by_trying(session) : session.sdo.large;
 }
 LargeValue needs_large(Session& session) {
@@ -90,7 +84,7 @@ void check_whole_upload(Session& session, const LargeValue& value) {
 }
 
 // Tries also the values that information.entries could not read to their end.
-void check_upload(Session& session) {
+void check_upload_segments(Session& session) {
     constexpr std::size_t kMost = 8;
     auto values = large_values(session);
     for (const auto& entry : session.sdo.entries) {
@@ -123,7 +117,7 @@ void check_toggle(Session& session) {
 }
 
 void check_without_begin(Session& session) {
-    enter(session);
+    begin_sdo_check(session);
     for (const std::uint8_t specifier : {coe::request::kUploadSegment, coe::request::kDownloadSegment}) {
         const auto reply = session.sdo.ask(SdoClient::initiate(sdo::command(specifier), 0, 0));
         if (reply.abort != Abort::unknown_command)
@@ -211,7 +205,7 @@ bool is_large_parameter(Session& session, const DictionaryEntry& entry) {
 
 // Values that may be written back: a small one, whose only segment is the last, and one of several segments.
 std::vector<Download> downloads(Session& session) {
-    enter(session);
+    begin_sdo_check(session);
     std::vector<Download> found;
     const auto add = [&](std::optional<Download> download) {
         if (download) found.push_back(*std::move(download));
@@ -283,7 +277,7 @@ bool write_all(Session& session, const Download& download) {
     return true;
 }
 
-void check_download(Session& session) {
+void check_download_segments(Session& session) {
     for (const auto& download : needs_downloads(session)) {
         if (begin_download(session, download, download.data.size())) {
             if (write_all(session, download))
@@ -348,15 +342,19 @@ void check_download_length(Session& session) {
     }
 }
 
-constexpr Check kChecks[] = {
-    {"segments.upload", "a large value comes in segments with toggle bits", kSegments, check_upload},
-    {"segments.toggle", "a wrong toggle bit of the master ends the transfer with 0x05030000", kAborts, check_toggle},
-    {"segments.download", "a value can be written in segments", "ETG.1000.6, Download SDO Segment", check_download},
-    {"segments.download_toggle", "a wrong toggle bit ends a download with 0x05030000", kAborts, check_download_toggle},
+constexpr Check kSegmentChecks[] = {
+    {"segments.upload", "a large value comes in segments with toggle bits", kSegments, check_upload_segments},
+    {"segments.toggle", "a wrong toggle bit of the master ends the transfer with 0x05030000", kAbortCodes,
+     check_toggle},
+    {"segments.download", "a value can be written in segments", "ETG.1000.6, Download SDO Segment",
+     check_download_segments},
+    {"segments.download_toggle", "a wrong toggle bit ends a download with 0x05030000", kAbortCodes,
+     check_download_toggle},
     {"segments.download_abort", "an abort of the master ends a download", "ETG.1000.6, Abort SDO Transfer",
      check_download_abort},
-    {"segments.download_length", "a download is as long as announced", kAborts, check_download_length},
-    {"segments.without_begin", "a segment without a transfer is refused with 0x05040001", kAborts, check_without_begin},
+    {"segments.download_length", "a download is as long as announced", kAbortCodes, check_download_length},
+    {"segments.without_begin", "a segment without a transfer is refused with 0x05040001", kAbortCodes,
+     check_without_begin},
     {"segments.client_abort", "an abort of the master ends the transfer without a reply",
      "ETG.1000.6, Abort SDO Transfer", check_client_abort},
     {"segments.new_request", "a new request ends the transfer before it", kSegments, check_new_request},
@@ -364,6 +362,6 @@ constexpr Check kChecks[] = {
 
 }  // namespace
 
-std::span<const Check> segment_checks() { return kChecks; }
+std::span<const Check> segment_checks() { return kSegmentChecks; }
 
 }  // namespace margay::samples::conformance

@@ -103,8 +103,8 @@ AlStatus settled(Bench& bench, const AlStatus& expected) {
 }
 
 // The slave must keep its state and set an AL status code. Returns the time until the code was set.
-Duration expect_refusal(Bench& bench, AlState state, unsigned requested, const std::vector<AlStatusCode>& codes,
-                        const std::string& what) {
+Duration expect_request_refused(Bench& bench, AlState state, unsigned requested, const std::vector<AlStatusCode>& codes,
+                                const std::string& what) {
     const auto frames = bench.frames_in(state);
     const Time begun = bench.now();
     bench.request(requested);
@@ -140,9 +140,9 @@ void check_skipped(Session& session) {
     Duration slowest{};
     for (const auto& [from, to] : kWays) {
         bench.enter(from);
-        slowest =
-            std::max(slowest, expect_refusal(bench, from, word(to), {AlStatusCode::invalid_requested_state_change},
-                                             transition_text(from, to)));
+        slowest = std::max(slowest,
+                           expect_request_refused(bench, from, word(to), {AlStatusCode::invalid_requested_state_change},
+                                                  transition_text(from, to)));
     }
     remark_slow_refusal(bench, slowest);
 }
@@ -156,8 +156,8 @@ void check_unknown(Session& session) {
         bench.enter(state);
         for (const unsigned value : {0U, 5U, 6U, 7U, 9U, 15U}) {
             if (bench.al_status().state != state) bench.enter(state);  // the previous request has led to another state
-            (void)expect_refusal(bench, state, value, {AlStatusCode::unknown_requested_state},
-                                 fmt::format("the state {} requested in {}", value, state_text(state)));
+            (void)expect_request_refused(bench, state, value, {AlStatusCode::unknown_requested_state},
+                                         fmt::format("the state {} requested in {}", value, state_text(state)));
         }
     }
 }
@@ -170,20 +170,20 @@ void check_boot(Session& session) {
     const bool boot = bench.slave().boot_mailbox.present();
     for (const auto from : {AlState::preop, AlState::safeop, AlState::op}) {
         bench.enter(from);
-        (void)expect_refusal(bench, from, word(AlState::boot),
-                             boot ? std::vector{invalid} : std::vector{unsupported, invalid},
-                             transition_text(from, AlState::boot));
+        (void)expect_request_refused(bench, from, word(AlState::boot),
+                                     boot ? std::vector{invalid} : std::vector{unsupported, invalid},
+                                     transition_text(from, AlState::boot));
     }
     if (!boot) {
         bench.enter(AlState::init);
-        (void)expect_refusal(bench, AlState::init, word(AlState::boot),
-                             {unsupported, AlStatusCode::unknown_requested_state},
-                             "INIT to BOOT without a bootstrap mailbox in the SII");
+        (void)expect_request_refused(bench, AlState::init, word(AlState::boot),
+                                     {unsupported, AlStatusCode::unknown_requested_state},
+                                     "INIT to BOOT without a bootstrap mailbox in the SII");
         return;
     }
     for (const auto to : {AlState::preop, AlState::safeop, AlState::op}) {
         bench.enter(AlState::boot);
-        (void)expect_refusal(bench, AlState::boot, word(to), {invalid}, transition_text(AlState::boot, to));
+        (void)expect_request_refused(bench, AlState::boot, word(to), {invalid}, transition_text(AlState::boot, to));
     }
     bench.enter(AlState::boot);
     const auto status = bench.go(AlState::init);
@@ -355,7 +355,7 @@ void check_eeprom_kept(Session& session) {
 
 constexpr std::string_view kMachine = "ETG.1000.6, EtherCAT State Machine";
 
-constexpr Check kChecks[] = {
+constexpr Check kStateChecks[] = {
     {"states.up", "INIT, PREOP, SAFEOP, OP in the times of the ESI", kMachine, check_up},
     {"states.down", "all transitions to lower states", kMachine, check_down},
     {"states.same", "a request for the present state changes nothing", kMachine, check_same},
@@ -377,6 +377,6 @@ constexpr Check kChecks[] = {
 
 }  // namespace
 
-std::span<const Check> state_checks() { return kChecks; }
+std::span<const Check> state_checks() { return kStateChecks; }
 
 }  // namespace margay::samples::conformance

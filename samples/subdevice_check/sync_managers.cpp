@@ -39,8 +39,8 @@ void needs_checks(Bench& bench) {
 }
 
 // The slave must stay in `state`, with one of these codes; another code is a remark.
-void expect_refusal(Bench& bench, AlState state, AlState to, std::initializer_list<AlStatusCode> codes,
-                    const std::string& what) {
+void expect_transition_refused(Bench& bench, AlState state, AlState to, std::initializer_list<AlStatusCode> codes,
+                               const std::string& what) {
     const auto status = bench.go(to, false);
     if (status.state != state || !status.error) {
         bench.fail(fmt::format("{}: the slave is in {}", what, status_text(status)));
@@ -62,8 +62,9 @@ void expect_mistakes_refused(Bench& bench, AlState to, std::initializer_list<AlS
             auto setting = bench.read_sync_manager(n);
             mistake.spoil(setting);
             bench.write_sync_manager(n, setting);
-            expect_refusal(bench, AlState::init, to, codes,
-                           fmt::format("INIT to {} with SyncManager {} {}", state_text(to), n, mistake.what));
+            expect_transition_refused(
+                bench, AlState::init, to, codes,
+                fmt::format("INIT to {} with SyncManager {} {}", state_text(to), n, mistake.what));
         }
 }
 
@@ -97,9 +98,10 @@ void check_mailbox_overlap(Session& session) {
     auto setting = bench.read_sync_manager(1);
     setting.physical_start = bench.slave().mailbox.out_start;
     bench.write_sync_manager(1, setting);
-    expect_refusal(bench, AlState::init, AlState::preop,
-                   {AlStatusCode::invalid_mailbox_configuration, AlStatusCode::invalid_sync_manager_configuration},
-                   "INIT to PREOP with both mailboxes at the same address");
+    expect_transition_refused(
+        bench, AlState::init, AlState::preop,
+        {AlStatusCode::invalid_mailbox_configuration, AlStatusCode::invalid_sync_manager_configuration},
+        "INIT to PREOP with both mailboxes at the same address");
 }
 
 void check_process_settings(Session& session) {
@@ -120,7 +122,7 @@ void check_process_settings(Session& session) {
             auto setting = area.setting;
             mistake.spoil(setting);
             bench.write_sync_manager(area.sync_manager, setting);
-            expect_refusal(
+            expect_transition_refused(
                 bench, AlState::preop, AlState::safeop,
                 {outputs ? AlStatusCode::invalid_output_configuration : AlStatusCode::invalid_input_configuration,
                  AlStatusCode::invalid_sync_manager_configuration, AlStatusCode::invalid_sync_manager_types},
@@ -202,7 +204,7 @@ void check_process_data_off(Session& session) {
 
 constexpr std::string_view kSettings = "ETG.1000.6, EtherCAT State Machine (check of the SyncManager settings)";
 
-constexpr Check kChecks[] = {
+constexpr Check kSyncManagerChecks[] = {
     {"sm.mailbox_settings", "wrong SyncManagers of the mailbox are refused with 0x0016", kSettings,
      check_mailbox_settings},
     {"sm.boot_settings", "wrong SyncManagers of the mailbox for BOOT are refused with 0x0015", kSettings,
@@ -220,6 +222,6 @@ constexpr Check kChecks[] = {
 
 }  // namespace
 
-std::span<const Check> sync_manager_checks() { return kChecks; }
+std::span<const Check> sync_manager_checks() { return kSyncManagerChecks; }
 
 }  // namespace margay::samples::conformance

@@ -66,12 +66,12 @@ void check_types(Session& session) {
     if (!any) bench.skip("the device has no synchronization parameters (0x1C32, 0x1C33)");
 }
 
-constexpr Check kChecks[] = {
+constexpr Check kSyncTypeChecks[] = {
     {"sync.types", "only supported synchronization types are accepted", "ETG.1020, Synchronization", check_types},
 };
 
 }  // namespace
 
-std::span<const Check> sync_type_checks() { return kChecks; }
+std::span<const Check> sync_type_checks() { return kSyncTypeChecks; }
 
 }  // namespace margay::samples::conformance

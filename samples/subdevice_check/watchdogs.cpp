@@ -226,7 +226,7 @@ void check_inputs(Session& session) {
 
 constexpr std::string_view kWatchdog = "ETG.1000.4, Watchdog; ETG.1000.6, EtherCAT State Machine";
 
-constexpr Check kChecks[] = {
+constexpr Check kWatchdogChecks[] = {
     {"process_data.exchange", "each cycle in OP is taken", "ETG.1000.6, EtherCAT State Machine", check_exchange},
     {"process_data.inputs", "inputs are valid from SAFEOP on", "ETG.1000.6, EtherCAT State Machine", check_inputs},
     {"process_data.outputs", "OP needs valid outputs", "ETG.1000.6, EtherCAT State Machine", check_op_needs_outputs},
@@ -238,6 +238,6 @@ constexpr Check kChecks[] = {
 
 }  // namespace
 
-std::span<const Check> watchdog_checks() { return kChecks; }
+std::span<const Check> watchdog_checks() { return kWatchdogChecks; }
 
 }  // namespace margay::samples::conformance
