@@ -37,8 +37,12 @@ std::optional<Duration> LinkLayerClock::take(Context& ctx, const Reading& readin
     const std::int64_t set_value = settings_.set_value.count();
     const std::int64_t error =
         phase_error_ns(reading.bus_time_ns % cycle + (cycle - *sent_ns % cycle), cycle, set_value);
-    const bool waits = waits_for_cycle(network, reading.at, settings_.phase.cycle);
-    const std::int64_t correction = reference_.update(error, reading.at, std::uint8_t{waits});
+    const Time last = received_at(network.process.groups[settings_.group], network.engine.link());
+    const bool waits = waits_for_cycle(network, last, settings_.phase.cycle);
+    // A pending reading does not show the corrections of the last update() either.
+    const std::uint8_t pending = is_pending_ ? 1 : 0;
+    const std::int64_t correction =
+        reference_.update(error, reading.at, static_cast<std::uint8_t>(pending + (waits ? 1 : 0)));
     shift_reference(master, correction, settings_.phase.cycle, waits);
     record_.at = reading.at;
     record_.bus_time_ns = reading.bus_time_ns;
@@ -52,7 +56,8 @@ std::optional<Duration> LinkLayerClock::take(Context& ctx, const Reading& readin
     if (network.clocks.reference != 0)
         record_.start_time_ns = network.clocks.entries[network.clocks.reference - 1U].sync_start_ns;
     const std::uint64_t due_ns = *sent_ns - static_cast<std::uint64_t>(reading.lateness.count());
-    return Duration(cycle_.update(phase_error_ns(due_ns, cycle, 0), reading.at));
+    return Duration(cycle_.update(phase_error_ns(due_ns, cycle, 0), reading.at,
+                                  static_cast<std::uint8_t>(settings_.phase.cycles_late + pending)));
 }
 
 Duration LinkLayerClock::update(Context& ctx, Duration lateness) {
@@ -74,6 +79,7 @@ Duration LinkLayerClock::update(Context& ctx, Duration lateness) {
         const std::uint64_t time = whole_bus_time(network, group, at, pending_.bus_time_ns, pending_.at);
         pending_ = {.bus_time_ns = time, .at = at, .lateness = lateness};
         std::copy_n(group.prepared.front().bytes.begin(), pending_.head.size(), pending_.head.begin());
+        is_pending_ = earlier.has_value();  // a correction that was made in this update()
         const auto now = take(ctx, pending_);
         is_pending_ = !now;
         if (now) earlier = now;

@@ -146,6 +146,49 @@ TEST_F(LinkLayerClockTest, ANicWithoutStampsCorrectsNothingAndSaysSo) {
     EXPECT_EQ(wrong.update(*ctx, 0us), Duration{0});
 }
 
+// A NIC whose time stamps are readable one cycle late.
+struct LateStamps final : SendClock {
+    SimulatedNic& nic;
+    std::array<std::byte, kHeadBytes> last{};
+
+    explicit LateStamps(SimulatedNic& of) : nic(of) {}
+    std::optional<std::uint64_t> send_time_ns(Bytes head) noexcept override {
+        if (std::ranges::equal(last, head.first(kHeadBytes))) return nic.send_time_ns(head);
+        std::ranges::copy(head.first(kHeadBytes), last.begin());
+        return std::nullopt;
+    }
+};
+
+struct LinkLayerClockOf : LinkLayerClockTest, testing::WithParamInterface<std::tuple<int, bool>> {};
+
+// With cycles of 10 ms and more, a correction is sent at once.
+TEST_P(LinkLayerClockOf, ComesIntoSyncAndLosesNoFrame) {
+    const Duration cycle = std::chrono::milliseconds(std::get<int>(GetParam()));
+    bring_up();
+    LateStamps late(*nic);
+    SendClock& stamps = std::get<bool>(GetParam()) ? static_cast<SendClock&>(late) : *nic;
+    const std::uint64_t lost = ctx->statistics().lost;
+    for (const int part : {2, -3, 6}) {
+        SCOPED_TRACE(part);
+        LinkLayerClock clock(stamps, {.set_value = -cycle / part, .phase = {.cycle = cycle}});
+        std::int64_t greatest = 0;
+        for (int n = 0; n < 3000; ++n) {
+            osal.wait(due, -1);
+            ASSERT_TRUE(send_processdata(*ctx).ok());
+            (void)receive_processdata(*ctx, reply_timeout);
+            due += cycle - clock.update(*ctx, 0us);
+            (void)poll(*ctx, osal.now());
+            if (n > 2500) greatest = std::max(greatest, std::abs(clock.error_ns()));
+        }
+        EXPECT_EQ(clock.state(), PhaseState::in_sync) << to_text(clock.state());
+        EXPECT_LE(greatest, 1000);
+    }
+    EXPECT_EQ(ctx->statistics().lost, lost);
+}
+
+INSTANTIATE_TEST_SUITE_P(MillisecondsAndLateStamps, LinkLayerClockOf,
+                         testing::Combine(testing::Values(1, 9, 10, 12, 20), testing::Bool()));
+
 TEST_F(LinkLayerClockTest, RunCycleFollowsIt) {
     bring_up();
     LinkLayerClock clock(*nic, {.set_value = -300us, .phase = {.cycle = 1ms, .settle = 100ms}});
