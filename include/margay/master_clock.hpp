@@ -35,11 +35,13 @@ struct MasterClockSettings {
         off,
         master_shift,  // the master's cycle follows the reference clock: update() returns the adjustment
         // The reference clock follows the master's cycle: update() steers its offset (0x0920). The other clocks follow
-        // a change of its rate late, by some 30 ns for each ppm: while the reference clock moves to the phase (at up to
-        // 600 ppm), the other clocks differ from it by up to 20 µs, and are not in sync. In sync, each cycle moves the
-        // reference clock by its drift in one cycle, and the other clocks follow with the next cycle: a drift of 28 ppm
-        // is 28 ns with cycles of 1 ms, and 560 ns with cycles of 20 ms. SlaveClock::in_sync does not count such a step
-        // of up to 4 * ClockSettings::limit_ns; with a greater step the other clocks are not in sync.
+        // a change of its rate late, by some 30 ns for each ppm and each millisecond of the cycle. While the reference
+        // clock moves to the phase (at up to 600 ppm), the other clocks differ from it by up to 20 µs for each
+        // millisecond of the cycle, and are not in sync: by up to 20 µs with cycles of 1 ms, and up to 200 µs with
+        // cycles of 10 ms. With cycles of 10 ms they are in sync only some 7 s after the reference clock. In sync, each
+        // cycle moves the reference clock by its drift in one cycle, and the other clocks follow with the next cycle: a
+        // drift of 28 ppm is 28 ns with cycles of 1 ms, and 560 ns with cycles of 20 ms. SlaveClock::in_sync does not
+        // count such a step of up to 4 * ClockSettings::limit_ns; with a greater step the other clocks are not in sync.
         bus_shift,
         // The reference clock follows the time of the master without a controller: update() writes the time to its
         // register 0x0910, and the chip's own control loop follows. The cycle must be accurate, and no other group may
