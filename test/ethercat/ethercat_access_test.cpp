@@ -68,7 +68,7 @@ TEST_F(EthercatAccess, ASlaveWithoutObjectsIsNamedAsThat) {
     EXPECT_EQ(all.status, 0);
     EXPECT_EQ(all.out, "");
     EXPECT_TRUE(contains(all.err, "warning: no slave of master 0 has an object dictionary (CoE)")) << all.err;
-    // What the message names is true.
+    // The segment that the message names has slaves with an object dictionary.
     EXPECT_TRUE(contains(out("sim:drives", "sdos -p 0"), "SDO 0x1018"));
 }
 
@@ -164,7 +164,7 @@ TEST_F(EthercatAccess, SetsIpParametersAndCountsFrames) {
               "eoe0s1         1  up           0       0        0       0        0\n"
               "eoe0s2         2  up           0       0        0       0        0\n");
     fails("sim:eoe", "ip -p 1 ip_address 192.168.4.5/33", 2, "the prefix is a number from 0 to 32");
-    for (const char* shorter : {"1.2.3", "010.0.0.1", "1.2.3.256", "7", "0x01020304"})  // a resolver takes most of them
+    for (const char* shorter : {"1.2.3", "010.0.0.1", "1.2.3.256", "7", "0x01020304"})  // a resolver accepts most
         fails("sim:eoe", std::string("ip -p 1 default_gateway ") + shorter, 2,
               std::string("'") + shorter + "' is no IPv4 address: four numbers from 0 to 255 without leading zeros");
     fails("sim:eoe", "ip -p 1 mac_address 02:00", 2, "'02:00' is no MAC address");

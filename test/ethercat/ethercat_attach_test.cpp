@@ -34,7 +34,8 @@ class EthercatAttach : public EthercatTest {
 };
 
 TEST_F(EthercatAttach, CommandsPrintTheSameAsOnASegmentOfTheirOwn) {
-    // Only a simulated segment of the command's own is a reason to name another one.
+    // A command suggests another simulated segment only when it opens a simulated segment itself. The hint is removed
+    // before the comparison.
     const std::string commands =
         "without_hint() { sed 's/; --source sim:drives has slaves with one//'; }\n"
         "e slaves | sed 's/OP/PREOP/; s/PREPREOP/PREOP/'\n"
@@ -60,7 +61,8 @@ TEST_F(EthercatAttach, CommandsPrintTheSameAsOnASegmentOfTheirOwn) {
 
 const std::string evil = "\x1B[31mred\x07\n";
 
-// What the firmware that is written makes of the slave of serve_octets().
+// The slave of serve_octets() after a firmware was written: the slave is gone, or it is another device. `refuses`: the
+// application refuses the requests, so nothing is written.
 enum class After : std::uint8_t { refuses, gone, other };
 
 attach::SlaveFacts slave_of(AlState state, bool written, After after) {
@@ -81,7 +83,8 @@ attach::SlaveFacts slave_of(AlState state, bool written, After after) {
     return slave;
 }
 
-// A program that speaks the protocol and says what it likes: one slave, and no to every other request, or to none.
+// An application that speaks the protocol and has one slave. With After::refuses it refuses each request except the
+// greeting and the table of slaves. It ends after `requests` requests.
 void serve_requests(int fd, unsigned requests, After after) {
     auto state = AlState::op;
     bool written = false;
@@ -190,7 +193,7 @@ TEST_F(EthercatAttach, AnApplicationThatEndsBeforeItsAnswerIsASystemError) {
     std::thread server([&] {
         for (std::size_t n = 0; n < commands.size(); ++n) {
             const int fd = ::accept(listener, nullptr, nullptr);
-            serve_requests(fd, 1 + n % 2, After::other);  // only the greeting, or the table of slaves too
+            serve_requests(fd, 1 + n % 2, After::other);  // only the greeting, or also the table of slaves
             ::close(fd);
         }
     });
@@ -222,7 +225,7 @@ TEST_F(EthercatAttach, ObjectsOfADriveAreTheSame) {
     EXPECT_EQ(written.out, "0x000004d2 1234\n");
 }
 
-// Its mailbox is closed, and so its PDOs are not known; the one-line form shows none.
+// The mailbox of a slave in INIT is closed, so its PDOs are not known. The one-line form shows no PDOs.
 TEST_F(EthercatAttach, ASlaveInInitHidesNoConfiguration) {
     const auto ran = attached(
         "e states -p 1 INIT; e config; echo \"rc $?\"; e config --json >c.json; echo \"json $?\"; e config -v; "
@@ -238,7 +241,7 @@ TEST_F(EthercatAttach, ASlaveInInitHidesNoConfiguration) {
     EXPECT_TRUE(contains(ran.err, "position 1: ")) << ran.err;
 }
 
-// The ENI expects a coupler, and a group of two drives that is known by the alias of the first.
+// The ENI expects a coupler, and a group of two drives. The alias of the first drive identifies the group.
 TEST_F(EthercatAttach, AHotConnectGroupThatIsAwayIsNotMissing) {
     const std::string coupler = "[[slave]]\ndevice = \"coupler\"\n";
     folder.write("away.toml", coupler);

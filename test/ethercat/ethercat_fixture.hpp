@@ -15,7 +15,7 @@ class EthercatTest : public testing::Test {
     ShellFolder folder;
     const std::string program = std::string(MARGAY_BIN_DIR) + "/ethercat";
 
-    // `segment` is what MARGAY_MASTER0 names.
+    // `segment`: the value of MARGAY_MASTER0.
     [[nodiscard]] Ran ethercat(const std::string& segment, const std::string& arguments) const {
         return folder.run("export MARGAY_MASTER0='" + segment + "'\n" + program + " " + arguments);
     }

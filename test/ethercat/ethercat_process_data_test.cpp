@@ -151,7 +151,7 @@ TEST_F(EthercatProcessData, CyclesThatDoNotFitEachOtherAreRefused) {
           "odd.xml: the ENI has a cycle of 1500 µs, which is no multiple of its shortest one, 1000 µs");
 }
 
-// `address` as in the output of `slaves` and `domains`.
+// The first column is the address, as in the output of `slaves` and `domains`.
 TEST_F(EthercatProcessData, ListsConfigurationsByTheirAlias) {
     folder.write(
         "alias.toml",
@@ -166,7 +166,7 @@ TEST_F(EthercatProcessData, ListsConfigurationsByTheirAlias) {
     EXPECT_TRUE(contains(out("sim:alias.toml", "config --json"), "\"alias\": 5555"));
 }
 
-// Its reference clock drifts, and a drive accepts only frames at their place before SYNC0.
+// The reference clock of the ENI drifts, and a drive accepts only frames at their place before SYNC0.
 TEST_F(EthercatProcessData, TheCycleFollowsTheReferenceClockOfAnEni) {
     const std::string bin = std::string(MARGAY_BIN_DIR) + "/";
     for (const auto cycle : {1ms, 4ms}) {
@@ -209,7 +209,7 @@ TEST_F(EthercatProcessData, AllGroupsOfAnEniAreShown) {
     EXPECT_TRUE(contains(domains.err, "0x5fff")) << domains.err;
 }
 
-// The ids are the expected ones, also where another slave answers.
+// `config` prints the expected ids, also where another slave answers.
 TEST_F(EthercatProcessData, ListsTheExpectedIdsOfAConfiguration) {
     folder.write("two.toml", "[[slave]]\ndevice = \"drive\"\ncount = 2\n");
     folder.write("other.toml", "[[slave]]\ndevice = \"drive\"\n[[slave]]\ndevice = \"digital_io_16\"\n");
@@ -218,7 +218,7 @@ TEST_F(EthercatProcessData, ListsTheExpectedIdsOfAConfiguration) {
     EXPECT_TRUE(contains(other.out, "0:1  0x00004d47/0x00005402  1  PREOP\n")) << other.out << other.err;
 }
 
-// The list of modules in the file says 0x401 for slot 2, where 0x302 is.
+// In the ENI, slot 2 has the module 0x401. In the slave, slot 2 has the module 0x302.
 TEST_F(EthercatProcessData, NamesTheSlotWithAnotherModuleThanInTheEni) {
     const std::string bin = std::string(MARGAY_BIN_DIR) + "/";
     folder.write("one.toml", "[[slave]]\ndevice = \"modular_io\"\n");
@@ -248,7 +248,7 @@ TEST_F(EthercatProcessData, NamesTheSlotWithAnotherModuleThanInTheEni) {
     }
 }
 
-// An expected slave that is missing, and SDOs of a file.
+// Configurations of an ENI: the SDOs of its start-up commands, and an expected slave that is missing.
 TEST_F(EthercatProcessData, ListsConfigurationsOfAnEni) {
     const std::string slaveinfo = std::string(MARGAY_BIN_DIR) + "/slaveinfo";
     folder.write("one.toml", "[[slave]]\ndevice = \"drive\"\n");
@@ -263,7 +263,7 @@ TEST_F(EthercatProcessData, ListsConfigurationsOfAnEni) {
     ASSERT_EQ(folder.run(command).status, 0);
     const auto details = ethercat("sim:two.toml", "config -v -p 1 --eni two.xml");
     EXPECT_TRUE(contains(details.out, "SDO configuration:\n  0x6060:00, 1 byte: 0x08\n")) << details.out << details.err;
-    // 0x6060 at SO, and an object that does not exist: simple_io and the tool name the same cause.
+    // The start-up command at SO writes an object that does not exist. simple_io and ethercat print the same cause.
     ASSERT_EQ(folder
                   .run("sed 's|<Transition>PS</Transition><Timeout>0|<Transition>SO</Transition><Timeout>0|;"
                        "s|<Index>24672|<Index>20480|' two.xml > refused.xml")

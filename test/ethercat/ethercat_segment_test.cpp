@@ -20,7 +20,7 @@ TEST_F(EthercatSegment, ListsSlavesInTheColumnsOfTheManual) {
               "2  5555:1  PREOP  +  8-channel digital output\n"
               "3    16:0  PREOP  +  4-channel analogue input\n"
               "4    16:1  PREOP  +  2-channel analogue output\n");
-    // As scripts read them.
+    // A script reads the fields.
     const auto fields = folder.run("export MARGAY_MASTER0=sim:a.toml; " + program +
                                    " slaves | awk '{ split($2, a, \":\"); print $1, a[1], a[2], $3, $4 }'");
     EXPECT_EQ(fields.out, "0 0 0 PREOP +\n1 5555 0 PREOP +\n2 5555 1 PREOP +\n3 16 0 PREOP +\n4 16 1 PREOP +\n");
@@ -83,7 +83,8 @@ TEST_F(EthercatSegment, MarksASlaveWhoseScanFailed) {
     EXPECT_EQ(ethercat("sim:b.toml", "slaves -q").err, "");
 }
 
-// What cannot be read of one slave does not hide the others, nor what is known of this one.
+// When the EEPROM of one slave cannot be read, the commands still show the other slaves, and the known facts of this
+// slave.
 TEST_F(EthercatSegment, ShowsTheOthersBesideASlaveWhoseEepromCannotBeRead) {
     folder.write("b.toml",
                  "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_in_8\"\nsii_status = 0x2000\n"

@@ -1,4 +1,5 @@
-// What ethercat makes from its table of commands: --help, the manual page, the completion; and the arguments.
+// The texts that ethercat makes from its table of commands: --help, the manual page, the completion. Also the
+// arguments.
 #include "ethercat/ethercat_fixture.hpp"
 
 #include "common/slave_report.hpp"
@@ -25,7 +26,7 @@ TEST_F(EthercatTexts, HasTheCommandsOfTheManual) {
         "reg_read reg_write rescan sdos sii_read sii_write slaves soe_read soe_write states upload version xml ");
 }
 
-// The user of a program calls no functions of the library.
+// The user of a program calls no functions of the library, so the texts of errors name no functions.
 TEST_F(EthercatTexts, ErrorsNameNoFunctions) {
     for (const Errc code :
          {Errc::identity_unread, Errc::no_place, Errc::remapping_needed, Errc::unknown_group, Errc::not_polled,
@@ -77,7 +78,6 @@ TEST_F(EthercatTexts, ArgumentsAreRefusedInWords) {
     EXPECT_EQ(out("sim:demo", "-p 0 slaves"), out("sim:demo", "slaves -p0")) << "options before the command";
 }
 
-// One JSON document on standard output, whatever fails.
 TEST_F(EthercatTexts, AShortNameOfSeveralCommandsNamesThem) {
     fails("sim:demo", "sii", 2, "'sii' may be sii_read, sii_write");
     fails("sim:demo", "nothing", 2, "unexpected argument or unknown command 'nothing'");
@@ -92,6 +92,7 @@ TEST_F(EthercatTexts, AClosedStreamGetsNoOtherFile) {
     fails("sim:demo", "slaves >&-", 3, "standard output cannot be written");
 }
 
+// Standard output is one JSON document, whatever fails.
 TEST_F(EthercatTexts, ErrorsAreInTheJsonToo) {
     const auto error_of = [&](const std::string& arguments, int code) {
         const auto ran = ethercat("sim:demo", "--json " + arguments);
@@ -117,7 +118,7 @@ TEST_F(EthercatTexts, ErrorsAreInTheJsonToo) {
     for (const std::string option :
          {"--source sim:demo", "--attach a.sock", "--record r.pcap", "--eni a.xml", "-m 7", "-f"})
         EXPECT_TRUE(contains(error_of("analyse missing.pcap " + option, 2), "analyse has no option --")) << option;
-    // A file name has octets of any kind, and JSON is UTF-8.
+    // A file name may contain any octets, but JSON is UTF-8.
     folder.write("call", program + " --json analyse \"$(printf 'gro\\337.pcap')\"\n");
     const auto odd = folder.run("sh call");
     EXPECT_EQ(odd.status, 3) << odd.err;
@@ -126,7 +127,7 @@ TEST_F(EthercatTexts, ErrorsAreInTheJsonToo) {
     EXPECT_TRUE(contains(json.value("error", ""), "gro\xEF\xBF\xBD.pcap")) << odd.out;
 }
 
-// A command whose help speaks of a selection has the options for it.
+// When the help of a command names an option, the command has the option.
 TEST_F(EthercatTexts, HelpNamesOnlyOptionsThatTheCommandHas) {
     for (const auto& command : ethercat::commands())
         for (const auto& option : ethercat::options()) {
@@ -154,7 +155,7 @@ TEST_F(EthercatTexts, TheManualPageHasNoWarnings) {
     EXPECT_TRUE(contains(page.out, "--output-file FILE")) << page.out.substr(0, 3000);
 }
 
-// The completion in a real bash: what it offers for the words of a command line, the last of which is not finished.
+// The completion in a real bash: what it offers for the words of a command line. The last word is not finished.
 struct EthercatCompletion : EthercatTest {
     [[nodiscard]] std::string offered(const std::string& words, int last, const std::string& shown = "[*]") const {
         const auto script = "source '" + kTexts + "ethercat'\ncompopt() { :; }\nCOMP_WORDS=(" + words +

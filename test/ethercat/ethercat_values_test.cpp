@@ -14,7 +14,7 @@ std::string octets(std::string_view type, std::string_view text) {
     return value ? hex(*value) : "refused";
 }
 
-// There and back.
+// Converts a text to a value and back.
 std::string round_trip(std::string_view type, std::string_view text) {
     const auto value = parse_value(*type_by_name(type), text);
     if (!value) return value.problem().text;
@@ -50,7 +50,7 @@ TEST(EthercatValues, OfEachType) {
     EXPECT_EQ(octets("unicode_string", "\xC3"), "refused");
 }
 
-// A message is a line, whatever the value is: it may come from a file or from another program.
+// A message is one line, whatever the value is. The value may come from a file or from another program.
 TEST(EthercatValues, ARefusedValueIsShownInALine) {
     EXPECT_EQ(round_trip("uint8", std::string_view("\x01\0a\n", 4)),
               "'\\x01\\x00a\\x0a' is no value of type uint8: a whole number from 0 to 255 is needed");
@@ -96,7 +96,7 @@ TEST(EthercatNumbers, ListsAndRanges) {
         EXPECT_EQ(all(text), "refused") << text;
 }
 
-// A slave of a running application has left its place: the slaves behind it keep their positions.
+// A slave of a running application is absent from the ring. The slaves behind it keep their positions.
 TEST(EthercatNumbers, AMissingSlaveLeavesAGapInThePositions) {
     std::vector<SlaveFacts> slaves(3);
     slaves[0] = {.position = 1, .alias = 7};

@@ -12,7 +12,7 @@ namespace {
 
 const std::string kBin = std::string(MARGAY_BIN_DIR) + "/";
 
-// The number behind `words` in the text.
+// The number after `words` in the text.
 double number_after(const std::string& text, const std::string& words) {
     const auto at = text.find(words);
     EXPECT_NE(at, std::string::npos) << words << " in " << text;
@@ -34,7 +34,7 @@ TEST(DcMotion, MovesTheDrivesOfASimulatedSegmentSynchronously) {
     EXPECT_EQ(plotted.status, 0) << plotted.err;
     const auto svg = folder.run("head -c 300 motion.svg; grep -c '<path' motion.svg");
     EXPECT_TRUE(contains(svg.out, "<svg")) << svg.out;
-    // A device is written to and stays a device; a picture that cannot be stored is an error.
+    // /dev/full is written to and stays a device. A picture that cannot be stored is an error.
     const auto full =
         folder.run(kBin + "dc_plot motion.csv --svg /dev/full; echo $?; test -c /dev/full && echo device");
     EXPECT_EQ(full.out, "3\ndevice\n") << full.err;
@@ -43,7 +43,8 @@ TEST(DcMotion, MovesTheDrivesOfASimulatedSegmentSynchronously) {
     EXPECT_EQ(pipe.out, "1\n") << pipe.err;
 }
 
-// The simulated NIC holds the frames: each leaves exactly a period after the last, and the phase of SYNC0 stays.
+// The simulated NIC holds the frames. Each frame leaves exactly one period after the previous frame, and the phase of
+// SYNC0 is constant.
 TEST(DcMotion, SendsAtATimeAndMeasuresByTheNic) {
     const ShellFolder folder;
     const auto ran = folder.run(kBin + "dc_motion sim:drives --sines 1 --send-at 150 --stamps hardware");

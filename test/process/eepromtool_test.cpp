@@ -52,7 +52,7 @@ class Eepromtool : public testing::Test {
         return out;
     }
 
-    // Executes it in the folder of the test.
+    // Executes eepromtool in the folder of the test.
     [[nodiscard]] Ran tool(const std::string& arguments) const {
         const auto command = "cd '" + folder_.string() + "' && '" MARGAY_BIN_DIR "/eepromtool' " + arguments +
                              " >.out 2>.err </dev/null";
@@ -71,7 +71,7 @@ TEST_F(Eepromtool, ReadsASlaveIntoBothKindsOfFiles) {
     const auto binary = tool("sim:a.bin,b.bin 2 read out.bin");
     EXPECT_EQ(binary.status, 0) << binary.err;
     EXPECT_EQ(binary.out, "slave 2: 1024 octets read into out.bin\n");
-    EXPECT_EQ(binary.err, "");  // no terminal, no progress
+    EXPECT_EQ(binary.err, "");  // no progress without a terminal
     EXPECT_EQ(content(file("out.bin")), content(b_));
 
     EXPECT_EQ(tool("sim:a.bin,b.bin 2 read out.hex").status, 0);
@@ -158,7 +158,7 @@ TEST_F(Eepromtool, RefusesWhatDoesNotFit) {
     const auto other = tool("file:a.bin write large.bin");
     EXPECT_EQ(other.status, 1);
     EXPECT_EQ(content(a_), image(1));
-    // The image does not fit, whatever --size says: the word behind the end is not written.
+    // The image does not fit, also with a larger --size. The word after the end is not written.
     const std::string name(250, 'x');
     write(file("full.bin"), image(3, 2048, name));
     write(file("small.bin"), image(1, 256));
@@ -206,7 +206,7 @@ TEST_F(Eepromtool, DumpOfAFaultyContentEndsWithOne) {
         << tool("dump --help").out << tool("--help").out;
 }
 
-// A size word that is too small does not keep the program from reading and writing the words behind it.
+// A size word that is too small does not prevent the program from reading and writing the words after the given size.
 TEST_F(Eepromtool, RepairsASizeWordThatIsTooSmall) {
     auto image_of_128 = content(file("a.bin"));
     image_of_128[0x7C] = '\0';  // word 0x003E: 128 octets
@@ -262,7 +262,7 @@ TEST_F(Eepromtool, NamesWhatIsWrongWithItsArguments) {
     EXPECT_EQ(unwritable.out, "");
 }
 
-// A replay has the answers of the recorded requests only: writing another value is not verified.
+// A replay contains only the answers to the recorded requests, so the verification of another value fails.
 TEST_F(Eepromtool, WorksOnItsOwnRecording) {
     const auto live = tool("--record r.pcap sim:a.bin,b.bin 2 dump");
     EXPECT_EQ(live.status, 0) << live.err;

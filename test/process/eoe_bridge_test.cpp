@@ -77,8 +77,8 @@ bool is_echoed(int socket, const std::vector<std::uint8_t>& request) {
     return false;
 }
 
-// Sends ICMP echo requests of some sizes, and counts the replies of the kernel at the other end. A busy machine loses
-// packets, as Ethernet may: then it sends again.
+// Sends ICMP echo requests of some sizes, and counts the replies of the kernel at the other end. A busy machine may
+// lose packets, as Ethernet may, so the function repeats a request without a reply.
 unsigned pings() {
     constexpr int kTries = 20;
     const int socket = ::socket(AF_INET, SOCK_RAW | SOCK_CLOEXEC, IPPROTO_ICMP);
@@ -86,7 +86,7 @@ unsigned pings() {
     set_patience(socket, 1);
     const auto to = at_ip(kGatewayIp, 0);
     unsigned replies = 0;
-    for (const std::size_t bytes : {16U, 500U, 1472U, 4000U}) {  // the last one in three IP fragments
+    for (const std::size_t bytes : {16U, 500U, 1472U, 4000U}) {  // the last request needs three IP fragments
         const auto request = echo_request(bytes);
         bool echoed = false;
         for (int n = 0; n < kTries && !echoed; ++n) {
@@ -100,7 +100,7 @@ unsigned pings() {
     return replies;
 }
 
-// Asks for the address of the gateway by ARP, and returns the MAC address of the answer.
+// Sends an ARP request for the address of the gateway, and returns the MAC address of the answer.
 std::string arping(const char* interface) {
     const int socket = ::socket(AF_PACKET, SOCK_DGRAM | SOCK_CLOEXEC, htons(0x0806));
     EXPECT_GE(socket, 0);
@@ -233,7 +233,7 @@ TEST_F(EoeBridge, TheStacksOfTwoKernelsTalkOverEoe) {
     EXPECT_FALSE(run("ip -n " + cable.master_namespace() + " link show eoe0s1", &gone)) << gone;
 }
 
-// Two gateways have the same alias, and the system has an interface with the name of the third one.
+// Two gateways have the same alias, and the system already has an interface with the name of the third gateway.
 TEST_F(EoeBridge, NamesThatAreTakenLeaveTheOthersTheirInterfaces) {
     const ShellFolder folder;
     folder.write("twins.toml",

@@ -123,7 +123,7 @@ TEST_F(FirmwareInTheMiddle, CtrlCEndsTheTransferAndTheSecondTryWorks) {
     expect_second_try_works();
 }
 
-// A device that an earlier run left in BOOT stays there after it was read.
+// After an earlier run, a device is in BOOT. It stays in BOOT after it was read.
 TEST_F(FirmwareInTheMiddle, ReadingDoesNotTakeTheDeviceOutOfBoot) {
     const auto child = update_in_the_middle();
     signal(SIGINT);

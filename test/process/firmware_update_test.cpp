@@ -1,4 +1,4 @@
-// The program firmware_update on simulated bootloaders: the whole way, and every input that is wrong.
+// The program firmware_update on simulated bootloaders: complete updates, and all wrong inputs.
 #include <places.hpp>
 #include "process/shell.hpp"
 #include "sim/devices.hpp"
@@ -42,7 +42,7 @@ TEST_F(FirmwareUpdate, WritesReadsBackAndTellsTheNewRevision) {
                            "slave 2 is back in PREOP\n"
                            "  before: vendor 0x00004d47, product 0x00005b00, revision 0x00010000, software 1.0\n"
                            "  now:    vendor 0x00004d47, product 0x00005b00, revision 0x00020011, software 2.17\n");
-    EXPECT_EQ(ran.err, "");  // no terminal, no progress
+    EXPECT_EQ(ran.err, "");  // no progress without a terminal
 }
 
 TEST_F(FirmwareUpdate, ReadsTheFirmwareIntoAFile) {
@@ -101,7 +101,7 @@ TEST_F(FirmwareUpdate, FilesThatCannotBeUsed) {
 TEST_F(FirmwareUpdate, AFileThatMayNotBeRead) {
     write_image("secret.bin", 2, 0, 1000);
     std::filesystem::permissions(folder.path() / "secret.bin", std::filesystem::perms::none);
-    // Root reads every file, so root gives its capabilities away.
+    // Root can read every file, so the program is executed without the capabilities of root.
     const auto ran = folder.run(
         "plain=; [ $(id -u) -ne 0 ] || plain='setpriv --bounding-set=-all --inh-caps=-all'; exec $plain "
         "'" MARGAY_BIN_DIR "/firmware_update' sim:bootloader 2 secret.bin");
@@ -110,7 +110,7 @@ TEST_F(FirmwareUpdate, AFileThatMayNotBeRead) {
     EXPECT_EQ(ran.out, "");
 }
 
-// A slave whose SII promises FoE and BOOT: without bootstrap mailboxes, and with a program that has no FoE.
+// The SII of the slave promises FoE and BOOT. First the slave has no FoE, then its SII has no bootstrap mailbox.
 TEST_F(FirmwareUpdate, SlavesThatDoNotKeepThePromisesOfTheirSii) {
     write_image("firmware.bin", 2, 0, 1000);
     const auto write_sii = [&](const std::string& name, const std::vector<std::byte>& sii) {

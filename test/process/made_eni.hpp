@@ -16,7 +16,7 @@
 
 namespace margay::process {
 
-// With SYNC0 in one slave. `reference`: the slave with the reference clock; 0: the first one.
+// An ENI with SYNC0 in one slave. `reference`: the slave with the reference clock; 0: the first clock.
 inline std::string clocked_eni(const std::string& segment, std::uint16_t slave, Duration cycle,
                                std::uint16_t reference = 0) {
     static constexpr SlaveSetup kSetup{
@@ -35,7 +35,7 @@ inline std::string clocked_eni(const std::string& segment, std::uint16_t slave, 
     return written.text;
 }
 
-// With two drives, each in a Cyclic element of its own. The first has a start-up command for 0x6060.
+// An ENI with two drives, each in a Cyclic element of its own. The first drive has a start-up command for 0x6060.
 inline std::string eni_of_two_groups() {
     static constexpr StartupCommand kCommands[] = {
         write_object(Transition::preop_to_safeop, 0x6060, 0, std::int8_t{8})};
@@ -56,7 +56,7 @@ inline std::string eni_of_two_groups() {
     return written.text;
 }
 
-// With a hot connect group of the last `members` slaves, whose head is known by its alias.
+// An ENI with a hot connect group of the last `members` slaves. The alias of the head identifies the group.
 inline std::string eni_with_group(const std::string& segment, std::uint16_t slaves, std::uint16_t alias,
                                   std::uint16_t members = 1) {
     std::vector<ExpectedSlave> list(slaves);

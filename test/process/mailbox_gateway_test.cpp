@@ -16,7 +16,7 @@ const std::string kGateway = std::string(MARGAY_BIN_DIR) + "/mailbox_gateway";
 TEST(MailboxGatewayProgram, ServesASimulatedSegment) {
     using namespace testing_gateway;
     const ShellFolder folder;
-    // Begins the program, and waits until it listens.
+    // Starts the program, and waits until it listens.
     const auto begun = folder.run("'" + kGateway +
                                   "' sim:drives --listen 127.0.0.1:0 >log 2>&1 & echo $! >pid\n"
                                   "for n in $(seq 400); do grep -q listening log && exit 0; sleep 0.05; done; exit 1");

@@ -40,7 +40,7 @@ TEST_F(NicCheck, ReadsACable) {
         EXPECT_TRUE(contains(ran.out, line)) << line << "\n" << ran.out;
 }
 
-// nic_check sees what commands of the system have changed, and the commands that nic_check prints mend it.
+// nic_check reports changes that commands of the system have made. The commands that nic_check prints mend them.
 TEST_F(NicCheck, SeesWhatIsChangedAndItsCommandsMendIt) {
     const auto in_namespace = "ip netns exec " + cable.master_namespace() + " ";
     const std::string name = Cable::kMaster;

@@ -280,8 +280,8 @@ std::uint64_t realtime_ns() {
     return static_cast<std::uint64_t>(now.tv_sec) * 1'000'000'000 + static_cast<std::uint64_t>(now.tv_nsec);
 }
 
-// The time is the kernel's, between that before and that after the call. The error queue is empty after receive(), so
-// that waiting waits.
+// The kernel has taken the time between the time before the call and the time after the call. After receive() the error
+// queue is empty, so a wait for frames does not return at once.
 TEST_F(PacketNicTest, NotesWhenItHasSentAFrame) {
     auto frame = frame_of(80, chance);
     const auto head = [&frame] { return std::span<const std::byte>(frame).first(SendClock::kHeadBytes); };

@@ -1,4 +1,4 @@
-// The times of frames with PacketNic over a veth pair: when they were received, and frames that leave at a time.
+// The times of frames with PacketNic over a veth pair: the times of receiving, and frames that leave at a given time.
 #include "netns.hpp"
 #include "osal/linux/linux_osal.hpp"
 #include "oshw/linux/packet_nic.hpp"
@@ -50,7 +50,7 @@ struct PacketTimingTest : testing::Test {
     static std::span<const std::byte> head_of(const std::vector<std::byte>& frame) {
         return std::span(frame).first(SendClock::kHeadBytes);
     }
-    // The index of the next frame; -1: none came.
+    // The index of the next frame; -1: no frame arrived.
     int next(PacketNic& nic) {
         const Time until = osal.now() + 5s;
         while (osal.now() < until) {
@@ -67,7 +67,7 @@ struct PacketTimingTest : testing::Test {
     bool tc(const std::string& arguments) {
         return process::run("ip netns exec " + cable.master_namespace() + " tc " + arguments);
     }
-    // The kernel switches the time stamps of received frames on a moment later; frames until then have none.
+    // The kernel enables the time stamps of received frames with a delay. Earlier frames have no time stamp.
     void await_receive_times(PacketNic& from, PacketNic& to) {
         const auto frame = frame_of(254);
         for (const Time until = osal.now() + 5s; osal.now() < until && !to.receive_time_ns(head_of(frame));) {
@@ -75,7 +75,7 @@ struct PacketTimingTest : testing::Test {
             ASSERT_EQ(next(to), 254);
         }
     }
-    // Sends a frame `in` from now, and expects it then.
+    // Sends a frame that leaves `in` from now, and expects it at this time.
     void expect_at_its_time(unsigned index, Duration in) {
         const Time at = osal.now() + in;
         master.set_send_time(at);
@@ -86,7 +86,7 @@ struct PacketTimingTest : testing::Test {
     }
 };
 
-// The time is the kernel's, between that before the sending and that after the receiving.
+// The kernel has taken the time between the time before sending and the time after receiving.
 TEST_F(PacketTimingTest, NotesWhenItHasReceivedAFrame) {
     EXPECT_EQ(segment.timing().received, nullptr);
     ASSERT_TRUE(segment.stamp_frames(Stamps::software, Stamped::received).ok()) << segment.problem();
@@ -112,7 +112,8 @@ TEST_F(PacketTimingTest, NotesWhenItHasReceivedAFrame) {
     EXPECT_FALSE(segment.receive_time_ns(head_of(frame_of(3))));
 }
 
-// There, and back by the far end: later than sent, in one clock.
+// The far end sends the frame back. The time of receiving is later than the time of sending; both are of the same
+// clock.
 TEST_F(PacketTimingTest, BothTimesGiveTheRoundTrip) {
     ASSERT_TRUE(master.stamp_frames(Stamps::software, Stamped::both).ok()) << master.problem();
     await_receive_times(segment, master);
@@ -155,7 +156,7 @@ TEST_F(PacketTimingTest, SendAtIsRefusedWhereTheQueueingDisciplineSendsAtOnce) {
         "interface ecat-m: no frame can leave at a time by its queueing discipline noqueue: it sends them at once; "
         "mend it with: tc qdisc replace dev ecat-m root etf clockid CLOCK_TAI delta 200000");
     EXPECT_EQ(master.timing().send_at, nullptr);
-    // A program that asks all the same: the frame leaves at once, and is counted.
+    // A program sets a send time nevertheless: the frame leaves at once, and is counted.
     const Time at = osal.now() + 60s;
     master.set_send_time(at);
     EXPECT_EQ(master.send(frame_of(1)), SendStatus::sent);
@@ -171,7 +172,7 @@ TEST_F(PacketTimingTest, SendAtIsRefusedWhereTheQueueingDisciplineSendsAtOnce) {
     EXPECT_FALSE(master.allow_send_at().ok());
 }
 
-// Where this kernel has etf or fq: frames leave at their time. Where it does not have them: problem() has the reason.
+// When this kernel has etf or fq, frames leave at their time. When it lacks them, problem() has the reason.
 TEST_F(PacketTimingTest, FramesLeaveAtTheirTimeOrTheReasonIsTold) {
     for (const std::string kind : {"etf clockid CLOCK_TAI delta 300000", "fq"}) {
         SCOPED_TRACE(kind);
@@ -195,7 +196,7 @@ TEST_F(PacketTimingTest, FramesLeaveAtTheirTimeOrTheReasonIsTold) {
     }
 }
 
-// The second socket with its times, which no queueing discipline of this interface reads.
+// The second socket, for frames with send times. No queueing discipline of this interface reads the times.
 TEST_F(PacketTimingTest, ASocketWithTimesSendsWholeFrames) {
     TimedSocket socket;
     const TimedWay way{.holder = TimedWay::Holder::qdisc, .clock = CLOCK_TAI};

@@ -37,7 +37,7 @@ INSTANTIATE_TEST_SUITE_P(Programs, EachProgram, testing::ValuesIn(all_programs()
 TEST_P(EachProgram, SaysItsExitCodesAndItsVersion) {
     const auto help = folder.run(program + " --help");
     EXPECT_EQ(help.status, 0) << help.err;
-    // margayd waits for a segment that is not there: it has no exit code 1.
+    // margayd waits for a missing segment, so it has no exit code 1.
     const std::string segment = name == "margayd" ? "" : " 1 error of the segment or a device;";
     EXPECT_TRUE(contains(help.out, "Exit codes: 0 no error;" + segment + " 2 wrong arguments")) << help.out;
     EXPECT_TRUE(contains(help.out, " 3 system error")) << help.out;
@@ -49,7 +49,7 @@ TEST_P(EachProgram, SaysItsExitCodesAndItsVersion) {
 
 TEST_P(EachProgram, NamesAnOptionThatItDoesNotHave) {
     for (const auto* arguments : {" --nope", " --nope a b", " a b --nope"}) {
-        if (name == "margayd" && arguments[1] == 'a') continue;  // no arguments without --: it names `a` first
+        if (name == "margayd" && arguments[1] == 'a') continue;  // margayd takes only options: it names `a` first
         const auto ran = folder.run(program + arguments);
         EXPECT_EQ(ran.status, 2) << arguments;
         EXPECT_EQ(ran.err, name + ": there is no option '--nope'; see " + name + " --help\n") << arguments;
@@ -95,7 +95,7 @@ TEST(Programs, NoticeOutputThatIsLost) {
         const auto name = command.substr(0, command.find(' '));
         const auto full = folder.run(kBin + command + " >/dev/full");
         EXPECT_EQ(full.status, 3) << command << full.err;
-        // No other message stands before the reason.
+        // The message with the reason is the only message.
         EXPECT_EQ(full.err, name + ": standard output cannot be written: No space left on device\n") << command;
         const auto pipe = folder.run(closed + kBin + command + " >&4");
         EXPECT_EQ(pipe.status, 3) << command << pipe.err;
@@ -122,7 +122,7 @@ TEST(Programs, SayWhyAFileCannotBeReadOrWritten) {
     EXPECT_EQ(error("dc_plot ."), "dc_plot: .: cannot be read: Is a directory\n");
 }
 
-// errors() has the error that the call returned, too.
+// errors() also contains the error that the call returned.
 TEST(Programs, PrintTheErrorOfAStartOnce) {
     const ShellFolder folder;
     folder.write("dark.toml", "[[slave]]\ndevice = \"coupler\"\npower = false\n");

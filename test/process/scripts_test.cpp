@@ -64,7 +64,7 @@ TEST_F(Checkout, AnUnknownNeededPackageEndsTheRun) {
     EXPECT_FALSE(contains(log(), "cmake")) << log();
 }
 
-// ctest's part of a run with a test that was skipped.
+// Replaces ctest: the output of a run with a skipped test.
 TEST_F(Checkout, ASkippedTestFailsTheRunWhereThatIsAskedFor) {
     folder.write_script("bin/ctest",
                         "while [ $# -gt 0 ]; do case $1 in --output-log) log=$2;; esac; shift; done\n"
@@ -108,8 +108,8 @@ TEST_F(Checkout, ARunEndsWithTheTimeOfEachStepAndTheSummaries) {
     EXPECT_TRUE(ran.out.ends_with(end)) << ran.out;
 }
 
-// ctest's part of a run with one test that failed among others: `output` is what the test printed, `alone` what ctest
-// says of the second run.
+// Replaces ctest: one of several tests failed. `output`: what the test printed. `alone`: what ctest prints for the
+// second run.
 TEST_F(Checkout, AFailedTestRunsOnceMoreAloneUnlessASanitizerOrACrashReportedIt) {
     const auto run = [&](const std::string& output, const std::string& alone, int status) {
         folder.write_script("bin/ctest",
@@ -185,7 +185,7 @@ TEST_F(Checkout, QuickstartConfiguresAgainAfterAFailure) {
     EXPECT_FALSE(contains(log().substr(configured), "cmake -S")) << "a configured folder keeps its settings";
 }
 
-// A test in layers/ allows no other files at the top level.
+// A test in layers/ permits no other files at the top level.
 TEST_F(Checkout, QuickstartSuggestsNothingThatLeavesFilesInTheCheckout) {
     const auto text = content_of(file("samples/quickstart.sh"));
     ASSERT_TRUE(contains(text, "--record "));
@@ -193,7 +193,7 @@ TEST_F(Checkout, QuickstartSuggestsNothingThatLeavesFilesInTheCheckout) {
         EXPECT_EQ(text.substr(at + 9, 5), "/tmp/") << text.substr(at, 30);
 }
 
-// What is suggested before the line that builds the rest exists after the first build.
+// The first build makes the programs that the script suggests before the line that builds the rest.
 TEST_F(Checkout, QuickstartBuildsTheProgramsThatItSuggests) {
     const auto text = content_of(file("samples/quickstart.sh"));
     const auto targets_at = text.find(" --target ");

@@ -50,14 +50,14 @@ TEST(SimpleIo, BringsASegmentToOpOverACableAndBackThereAfterALossOfPower) {
             << master.output() << master.errors();
     EXPECT_TRUE(master.says("found again, in INIT, as after a loss of power", kLimit)) << master.output();
     EXPECT_TRUE(master.says("group 0: working counter right again", kLimit)) << master.output();
-    // After a signal it prints its results and leaves the slaves in INIT.
+    // After a signal, simple_io prints its results and leaves the slaves in INIT.
     master.terminate();
     EXPECT_EQ(master.wait(kLimit), 1) << "cycles were lost";
     EXPECT_NE(master.output().find("slave 2 (8-channel digital input): 00"), std::string::npos) << master.output();
     EXPECT_TRUE(segment->says("slave 5 (setting): INIT", kLimit)) << segment->output();
 }
 
-// On a simulated segment the NIC has all times, exactly.
+// The NIC of a simulated segment has all time stamps, and they are exact.
 TEST(SimpleIo, FramesLeaveAtTheirTimeInTheCycle) {
     const ShellFolder folder;
     const auto ran =
@@ -82,7 +82,7 @@ TEST(SimpleIo, FramesLeaveAtTheirTimeInTheCycle) {
     EXPECT_EQ(folder.run(kSimpleIo + " sim:demo --stamps exact").status, 2);
 }
 
-// What a veth pair has: time stamps of the kernel, and on this kernel maybe no queueing discipline that holds frames.
+// A veth pair has time stamps of the kernel. This kernel may lack a queueing discipline that holds frames.
 TEST(SimpleIo, TimesOfFramesOverACable) {
     const Cable cable;
     if (!cable.missing().empty()) GTEST_SKIP() << cable.missing();

@@ -43,7 +43,7 @@ struct VirtualSegmentTest : testing::Test {
     }
     std::string file(const std::string& name) const { return folder / name; }
 
-    // The program with its standard input at a pipe of the test, and its process id in a file.
+    // The command that starts the program: its standard input is a pipe of the test, and a file gets its process id.
     std::vector<std::string> serve(const std::string& arguments) const {
         return {"/bin/sh", "-c",
                 "echo $$ > " + file("pid") + "; exec " + kVirtualSegment + " " + arguments + " < " + file("commands")};
@@ -209,7 +209,7 @@ TEST_F(VirtualSegmentTest, ServesATapDevice) {
     EXPECT_EQ(segment.wait(10s), 0) << segment.errors();
 }
 
-// A ring: a master with two interfaces at one side, virtual_segment with two interfaces at the other.
+// A ring: the master has two interfaces at one side, virtual_segment has two interfaces at the other side.
 struct VirtualRingTest : VirtualSegmentTest {
     const std::string both = std::string(Cable::kMaster) + "+ecat-m2";
     const std::string both_ends = std::string(Cable::kSegment) + "+ecat-s2 ";
@@ -247,7 +247,7 @@ TEST_F(VirtualRingTest, AMasterWithTwoInterfacesFindsAllSlavesWithAnyCableOut) {
     EXPECT_EQ(segment.wait(10s), 0) << segment.errors();
 }
 
-// What a user may have done wrong with the two interfaces of a ring: an error or a warning in words.
+// Mistakes with the two interfaces of a ring: the program prints an error or a warning.
 TEST_F(VirtualRingTest, WhatIsWrongWithTwoInterfacesIsTold) {
     const auto& name_space = cable.master_namespace();
     const auto told = [&](const std::string& interfaces, int status) {

@@ -35,7 +35,7 @@ struct XdpSource : testing::Test {
         const int code = child.wait(kLimit);
         return {code, child.output(), child.errors()};
     }
-    // A program without the capability that XDP needs, and with the one of AF_PACKET.
+    // Executes a program without the capabilities that XDP needs, but with the capability that AF_PACKET needs.
     Result run_without_bpf(std::vector<std::string> arguments) const {
         arguments.front() = kBin + arguments.front();
         const std::string lost = "-bpf,-sys_admin,-net_admin";
@@ -86,7 +86,7 @@ TEST_F(XdpSource, SimpleIoRunsInOpOnXdp) {
     EXPECT_FALSE(contains(attached(), "prog/xdp")) << attached();
 }
 
-// Of simple_io on an interface; here the fixture has one.
+// simple_io prints this only for an interface, and the fixture of this file has an interface.
 TEST_F(XdpSource, ASpinThatIsLongerThanACycleIsNamed) {
     serve();
     const auto ran = run({"simple_io", kMaster, "--cycles", "3", "--period", "4000", "--spin", "5000"});
@@ -131,7 +131,7 @@ TEST_F(XdpSource, WhatIsWrongWithTheInterfaceIsNamed) {
     }
 }
 
-// Another program that has the interface.
+// Another program uses the interface.
 TEST_F(XdpSource, AnInterfaceInUseByAnotherXdpProgramIsNamed) {
     if (!built_with_xdp()) GTEST_SKIP() << "slaveinfo was built without libxdp and libbpf";
     serve();
@@ -144,7 +144,7 @@ TEST_F(XdpSource, AnInterfaceInUseByAnotherXdpProgramIsNamed) {
     EXPECT_FALSE(first.ended());
 }
 
-// Both ends of a ring, and one end by AF_XDP and the other by AF_PACKET.
+// AF_XDP at both ends of a ring, then AF_XDP at one end and AF_PACKET at the other end.
 TEST_F(XdpSource, OpensBothEndsOfARing) {
     if (!built_with_xdp()) GTEST_SKIP() << "slaveinfo was built without libxdp and libbpf";
     const std::string master = cable.master_namespace();

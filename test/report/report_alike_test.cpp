@@ -63,7 +63,7 @@ TEST_F(ReportAlike, WhatCouldNotBeReadIsNoDifference) {
     }
 }
 
-// Without dictionaries too, versions that could not be read are named, and not called the same.
+// Versions that could not be read are named without dictionaries, too. The page does not report them as the same.
 TEST_F(ReportAlike, VersionsThatCouldNotBeReadAreNotTheSame) {
     folder.write("two.toml",
                  "[[slave]]\ndevice = \"drive\"\n[[slave]]\ndevice = \"drive\"\nquirks = [\"never_replies\"]\n");
@@ -78,7 +78,7 @@ TEST_F(ReportAlike, VersionsThatCouldNotBeReadAreNotTheSame) {
     EXPECT_EQ(groups[0].count(Difference::Kind::device), 0U);
 }
 
-// A slave that answers with an abort has no such object: an older firmware perhaps.
+// A slave that answers with an abort has no such object, perhaps because its firmware is older.
 TEST_F(ReportAlike, AVersionThatASlaveDoesNotHaveIsADifference) {
     folder.write("two.toml", "[[slave]]\ndevice = \"drive\"\ncount = 2\n");
     ethercat::StandaloneSession session(source("two.toml"));

@@ -1,4 +1,4 @@
-// The page in Chromium: no message in its console, nothing wider than the window, light and dark, on paper.
+// The page in Chromium: no message in its console, nothing wider than the window, light and dark, as a printed page.
 #include "report/report_fixture.hpp"
 
 #include <fmt/format.h>
@@ -24,7 +24,7 @@ class ReportBrowser : public ReportTest {
             arguments + " file://" + (folder.path() / file).string());
     }
 
-    // A copy of the page with a script that measures it, and says the result in an attribute of body.
+    // A copy of the page with a script that measures the page, and writes the result into an attribute of body.
     void write_measured(const std::string& html) const {
         auto copy = html;
         const auto policy = copy.find("<meta http-equiv=\"Content-Security-Policy\"");
@@ -78,7 +78,7 @@ TEST_F(ReportBrowser, RendersWithoutAMessageInTheConsole) {
     folder.write("noisy.html", "<!DOCTYPE html><html><body><script>console.error('heard')</script></body></html>");
     EXPECT_TRUE(contains(chromium("--screenshot=noisy.png", "noisy.html").err, "CONSOLE"))
         << "this test hears the console";
-    // The browser has understood the page as it was meant.
+    // The document in the browser has the headline and the picture.
     const auto dom = chromium("--dump-dom", "report.html").out;
     EXPECT_TRUE(contains(dom, page().headline().substr(0, 20))) << dom.substr(0, 400);
     EXPECT_TRUE(contains(dom, "</svg>"));

@@ -1,4 +1,4 @@
-// Reports in this process and by the program, and their pages read as XML.
+// Reports that this process makes and reports that the program makes. Their pages are read as XML.
 #pragma once
 
 #include <places.hpp>
@@ -19,7 +19,7 @@
 
 namespace margay::segment_report {
 
-// A page that was read by an XML parser, which accepts no open tag and no unescaped text.
+// A page, read by an XML parser that accepts no open tag and no unescaped text.
 class ReadPage {
   public:
     explicit ReadPage(const std::string& html) : document_(std::make_unique<pugi::xml_document>()) {
@@ -45,7 +45,7 @@ class ReadPage {
                 all.emplace_back(node.node().child("span").next_sibling("span").text().get());
         return all;
     }
-    // The cell of a table in the row from 1, by the title of its column.
+    // A cell of a table: the row (from 1), and the title of the column.
     [[nodiscard]] std::string cell(const std::string& table, std::size_t row, const std::string& column) const {
         const auto at = "//table[@id='" + table + "']";
         const auto place = count(at + "/thead/tr/th[.='" + column + "']/preceding-sibling::th") + 1;

@@ -68,7 +68,7 @@ TEST_F(ReportProgram, TheCyclesAreAsTheEniSays) {
     EXPECT_EQ(ran.out, "report.html: 2 slaves, all in OP; nothing is wrong.\n");
 }
 
-// The whole group may be away.
+// All slaves of a hot connect group may be absent.
 TEST_F(ReportProgram, AHotConnectGroupThatIsAwayIsNoFault) {
     folder.write("there.toml",
                  "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_io_16\"\n"
@@ -83,7 +83,7 @@ TEST_F(ReportProgram, AHotConnectGroupThatIsAwayIsNoFault) {
     EXPECT_EQ(cycles.status, 0) << cycles.out << cycles.err;
 }
 
-// The head is there.
+// The head of the group is present, so the other slave of the group must be present, too.
 TEST_F(ReportProgram, AMissingMemberOfAHotConnectGroupIsAFault) {
     const std::string group = "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_out_8\"\nalias = 5\n";
     folder.write("there.toml", group + "[[slave]]\ndevice = \"digital_io_16\"\n");
@@ -106,7 +106,7 @@ TEST_F(ReportProgram, SlavesThatLeaveOpAfterTheCyclesAreNoFault) {
     EXPECT_TRUE(contains(ran.out, "200 slaves, all in OP")) << ran.out;
 }
 
-// Of the process data too: one cycle takes longer than the period.
+// The frames of the process data have a long round trip, too: one cycle takes longer than the period.
 TEST_F(ReportProgram, LongRoundTripsAreNoFault) {
     folder.write("slow.toml",
                  "round_trip_us = 1000\n[[slave]]\ndevice = \"coupler\"\n"
@@ -191,7 +191,7 @@ TEST_F(ReportProgram, LostOutputEndsWith3) {
     EXPECT_TRUE(contains(ran.err, "missing/r.html: cannot be written")) << ran.err;
     ran = run("sim:demo -o - > /dev/full");
     EXPECT_EQ(ran.status, 3);
-    // A file system without space for the page: the old one stays.
+    // The file system has no space for the page. The old page stays.
     ran =
         folder.run("mkdir full && mount -t tmpfs -o size=16k none full || exit 77\necho old > full/r.html\n" + program +
                    " sim:drives -o full/r.html; code=$?; cat full/r.html; ls full; umount full; exit $code");
@@ -213,11 +213,11 @@ TEST_F(ReportProgram, RecordsBesideThePageAndTheRecordingCanBeReadAgain) {
     EXPECT_TRUE(contains(cycles, "200 cycles with a period of 1000 µs, outputs 0, in virtual time")) << cycles;
     EXPECT_TRUE(contains(cycles, "200 cycles, 0 overruns, 0 without all frames, 0 with a wrong working counter"));
     EXPECT_EQ(read.count("//svg[@class='cycle-figures']"), 1U);
-    // The same program answers itself from the recording.
+    // The recording is the source of the same program, and gives the same report.
     const auto again = run("pcap:r.pcap --cycles 200 -o again.html");
     EXPECT_EQ(again.status, 0) << again.err;
     EXPECT_EQ(page("again.html").headline(), read.headline());
-    // Without asking anything.
+    // The program analyses the recording, and sends no requests.
     const auto analysed = run("r.pcap -o analysed.html");
     EXPECT_EQ(analysed.status, 0) << analysed.err;
     const auto seen = page("analysed.html");
@@ -235,7 +235,8 @@ TEST_F(ReportProgram, WritesNoPageFromARecordingOfAnotherProgram) {
     EXPECT_FALSE(fs::exists(folder.path() / "r.html"));
 }
 
-// The requests of another master are put behind a recording without faults, 256 s later: none of them was answered.
+// The recording has no faults. The test appends its requests again, as requests of another master 256 s later, without
+// replies.
 TEST_F(ReportProgram, EachMasterOfARecordingIsJudged) {
     ASSERT_EQ(folder.run(std::string(MARGAY_BIN_DIR) + "/slaveinfo sim:demo --record one.pcap").status, 0);
     ASSERT_EQ(run("one.pcap -o one.html").status, 0);
@@ -247,8 +248,8 @@ TEST_F(ReportProgram, EachMasterOfARecordingIsJudged) {
         const std::size_t size = octet(at + 8) | octet(at + 9) << 8;
         std::string packet = one.substr(at, kPacketHeader + size);
         at += packet.size();
-        if ((octet(at - size + kSource) & 0x02) != 0) continue;  // it has passed a slave
-        ++packet[1];                                             // of the seconds
+        if ((octet(at - size + kSource) & 0x02) != 0) continue;  // a reply: a slave has set the mark
+        ++packet[1];                                             // the seconds: 256 s later
         packet[kPacketHeader + kSource + 5] = static_cast<char>(packet[kPacketHeader + kSource + 5] ^ 1);
         two += packet;
     }
@@ -264,7 +265,7 @@ TEST_F(ReportProgram, EachMasterOfARecordingIsJudged) {
     for (const auto& text : read.verdicts("good")) EXPECT_FALSE(contains(text, "Master 2 (")) << text;
 }
 
-// The packets of a recording with a place, by number from 0.
+// The packets of a recording with their headers, in their order.
 std::vector<std::string> packets_of(const std::string& pcap) {
     constexpr std::size_t kFileHeader = 24, kPacketHeader = 16;
     std::vector<std::string> all;
@@ -275,13 +276,14 @@ std::vector<std::string> packets_of(const std::string& pcap) {
     return all;
 }
 
-// The cycle, or broadcasts alone, show that slaves answer, and nothing shows which.
+// Frames of the cycle, or broadcasts alone, show that slaves answer. They do not show which slaves answer.
 TEST_F(ReportProgram, APartOfARecordingIsNoFault) {
     ASSERT_EQ(folder.run(std::string(MARGAY_BIN_DIR) + "/simple_io sim:demo --record io.pcap --cycles 600").status, 0);
     const auto all = content_of(folder.path() / "io.pcap");
     const auto packets = packets_of(all);
     ASSERT_GT(packets.size(), 1153U);
-    // From a request to a reply; from a reply to a request; the broadcasts of the scan; a reply and a request.
+    // The parts of the recording: from a request to a reply, from a reply to a request, the broadcasts of the scan, one
+    // reply and one request.
     const std::string every = "requests have their replies.";
     for (const auto& [first, last, good] : {std::tuple(752U, 1152U, every), std::tuple(751U, 1153U, std::string()),
                                             std::tuple(0U, 10U, every), std::tuple(751U, 753U, std::string())}) {
@@ -314,13 +316,13 @@ TEST_F(ReportProgram, ARecordingThatIsCutOffIsAPointToLookAt) {
     EXPECT_TRUE(contains(remarks[0], "breaks off or is damaged behind packet 99 (")) << remarks[0];
 }
 
-// Replies that come after the next request, because something was slow.
+// Some replies of the recording come after the next request.
 TEST_F(ReportProgram, LateRepliesAreNamed) {
     ASSERT_EQ(folder.run(std::string(MARGAY_BIN_DIR) + "/simple_io sim:demo --record io.pcap --cycles 600").status, 0);
     const auto all = content_of(folder.path() / "io.pcap");
     auto packets = packets_of(all);
     ASSERT_GT(packets.size(), 1153U);
-    for (std::size_t n = 901; n < 920; n += 4) {  // a reply and the next request change places, their times do not
+    for (std::size_t n = 901; n < 920; n += 4) {  // swap a reply and the next request, but not their times
         const auto first = packets[n].substr(0, 8);
         const auto second = packets[n + 1].substr(0, 8);
         std::swap(packets[n], packets[n + 1]);
@@ -405,7 +407,8 @@ TEST_F(ReportProgram, ShowsTheCyclesOfAnApplicationFromItsFile) {
     const auto cycles = page().text("//section[@id='cycles']");
     EXPECT_TRUE(contains(cycles, "From the file c.json: 300 cycles of the application.")) << cycles;
     EXPECT_TRUE(contains(cycles, "300 cycles, 0 overruns, 0 without all frames, 0 with a wrong working counter"));
-    // Without cycles of its own, and with what went wrong in the application.
+    // The program exchanges no cycles here, and the file of the application contains overruns and wrong working
+    // counters.
     folder.write("wrong.json", content_of(folder.path() / "c.json"));
     ASSERT_EQ(folder
                   .run("sed -i 's/\"overruns\": 0/\"overruns\": 3/; s/\"wrong_working_counter\": 0/"
@@ -471,7 +474,8 @@ TEST_F(ReportProgram, ReadsARunningApplication) {
     EXPECT_EQ(attached.count("//svg[@id='topology']//a[@class='slave']"), 3U);
 }
 
-// The application decides what may be missing: a member whose group is away, and not one whose head is there.
+// The application decides which slaves may be absent: a slave whose whole group is absent, but not a slave whose head
+// is present.
 TEST_F(ReportProgram, ReadsFromAnApplicationWhatMayBeMissing) {
     const std::string coupler = "[[slave]]\ndevice = \"coupler\"\n";
     const std::string head = "[[slave]]\ndevice = \"digital_out_8\"\nalias = 5\n";
@@ -518,7 +522,7 @@ TEST_F(ReportProgram, ASegmentInOpIsLeftToItsMaster) {
     process::Child master(cable.master_namespace(), {bin + "simple_io", process::Cable::kMaster, "--cycles",
                                                      "100000000", "--period", "2000", "--attach", socket});
     ASSERT_TRUE(master.says("all slaves in OP", kPatience)) << master.output() << master.errors();
-    // The interface of the application is on this machine, and so its facts are in the report.
+    // The interface of the application belongs to this machine, so the report contains the facts of the interface.
     const auto attached = report({"--attach", socket, "-o", (folder.path() / "a.html").string()});
     EXPECT_LE(attached.status, 1) << attached.err;
     const auto nic = page("a.html").text("//section[@id='machine']");

@@ -1,4 +1,4 @@
-// The page against what the session says.
+// Compares the page with the facts of the session.
 #include "report/report_fixture.hpp"
 
 #include "segment_report/image_entries.hpp"
@@ -84,7 +84,7 @@ TEST_F(ReportSegment, TheVerdictNamesTheCableThePortsAndWhatToDo) {
     EXPECT_EQ(page.text("//svg[@id='topology']//g[@class='cable bad']/text[@class='count']"), "✕14");
 }
 
-// The slaves behind a broken cable do not answer: what its port has counted is all that shows it.
+// The slaves behind a broken cable do not answer. Only the error counters of the port before the cable show the fault.
 TEST_F(ReportSegment, APortWithoutALinkThatHasCountedErrorsIsNamed) {
     folder.write("dead.toml",
                  "[[slave]]\ndevice = \"digital_io_16\"\nerrors = [[1, 200, 60]]\n"
@@ -116,7 +116,7 @@ TEST_F(ReportSegment, ThePictureHasABoxForEachSlaveAndALineForEachCable) {
         EXPECT_EQ(page.count(svg + "//a[@class='slave']"), out.report.slaves.size());
         EXPECT_EQ(page.count(svg + "//g[starts-with(@class,'cable')]"), out.report.slaves.size());
         EXPECT_EQ(page.count(svg + "//g[@class='master']"), 1U);
-        // No two boxes have the same place, and all are in the frame.
+        // No two boxes have the same place, and all boxes are inside the picture.
         std::set<std::pair<std::string, std::string>> places;
         for (std::size_t n = 1; n <= out.report.slaves.size(); ++n) {
             const auto rect = "(" + svg + "//a[@class='slave'])[" + std::to_string(n) + "]/rect";
@@ -150,7 +150,8 @@ TEST_F(ReportSegment, ARingHasBothCablesAndTheBreak) {
     EXPECT_EQ(broken.count("//svg[@id='topology']//g[@class='cable good']"), 3U);
 }
 
-// An application lists the slaves that it uses: others that got power later are in the ring and not in the list.
+// An application lists the slaves that it uses. Other slaves got power later: they are in the ring, but not in the
+// list.
 TEST_F(ReportSegment, ABreakBehindSlavesThatAreNotInTheList) {
     folder.write("broken.toml",
                  "ring = { slave = \"z\", port = 1 }\n[[slave]]\ndevice = \"drive\"\ncount = 4\n"
