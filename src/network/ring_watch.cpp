@@ -206,6 +206,8 @@ void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
     const std::size_t front = now.cables[head].slaves;
     const std::size_t behind = now.cables[1 - head].slaves;
     if (has_beside_) (void)find_sides(network);
+    // The break was reported already. A search reads the places again: until its end, some are not read yet.
+    if (reported_ == RingState::broken && network.searching) return;
     const std::uint32_t sum = sum_of_places(network.seen_ring()) * 31 + ring_.changes() * 2 + network.parts_read.whole;
     const bool same = !has_beside_ && reported_ == RingState::broken && sum == places_of_break_ &&
                       front == front_of_break_ && behind == behind_break_;

@@ -73,6 +73,43 @@ TEST(Ring, NoCycleIsStaleWhenACableBreaksOrHeals) {
     EXPECT_EQ(bus.status().heals, bus.ring_cables.size());
 }
 
+// A search after the break reads the places of the ring again, and cycles pass meanwhile. The branch at port 2 has
+// another place in the broken ring.
+TEST(Ring, ABreakIsReportedOnceWhenCyclesOverlap) {
+    RingBus bus;
+    for (unsigned n = 0; n < 8; ++n)
+        if (const std::uint32_t at = bus.add_to_ring(); n == 0 || n == 5) (void)bus.add_behind(at, 2);
+    bus.close_ring();
+    bus.plug({.round_trip = 1400us});
+    bus.start();
+    const Group& group = bus.ctx->group(0);
+    bus.ctx->group(0).config.cycles_in_flight = 2;
+    const auto mapped = config_map(*bus.ctx, bus.image);
+    ASSERT_TRUE(mapped.ok()) << bus.words(mapped.error());
+    ASSERT_TRUE(submit(*bus.ctx, bus.supervision).ok());
+    const auto cycles = [&](unsigned count) {
+        for (unsigned n = 0; n < count; ++n) {
+            bus.osal.advance(1ms - bus.osal.now().time_since_epoch() % 1ms);
+            (void)send_processdata(*bus.ctx);
+            if (group.cycles_sent - group.cycle_received >= 2) bus.wkc = receive_processdata(*bus.ctx, 2ms);
+            (void)poll(*bus.ctx, bus.osal.now());
+            bus.segment.advance(bus.osal.now());
+        }
+        return bus.events();
+    };
+    (void)cycles(1000);
+    ASSERT_TRUE(bus.all_in_op());
+    for (std::size_t n = 1; n < 8; ++n) {
+        SCOPED_TRACE("ring cable " + std::to_string(n));
+        const std::uint16_t before = bus.ctx->slave(static_cast<std::uint16_t>(n + 1)).parent;
+        bus.cable(bus.ring_cables[n], false);
+        EXPECT_EQ(cycles(300), Events{"redundancy broken between slave " + std::to_string(before) +
+                                      " port 1 and slave " + std::to_string(n + 1)});
+        bus.cable(bus.ring_cables[n], true);
+        EXPECT_EQ(cycles(1000), Events{"redundancy restored: the ring is whole again"});
+    }
+}
+
 // The cable breaks between the two copies of the frame, and heals in the same way. At most one cycle is stale.
 TEST(Ring, AtMostOneCycleIsStaleWhenItBreaksBetweenTheCopies) {
     RingBus bus;
