@@ -47,6 +47,11 @@ Cable cable_between(const Report& report, const CableEnd& near, const CableEnd& 
     return cable;
 }
 
+std::string master_end_text(const CableEnd& end) {
+    if (end.port == kUnknownEnd) return "a slave before the break";
+    return end.port == 0 ? "the master" : "the NIC at the end of the ring";
+}
+
 std::string counter(unsigned value, std::string_view one, std::string_view many) {
     return fmt::format("{}{} {}", value, value >= kFull ? " or more" : "", value == 1 ? one : many);
 }
@@ -89,14 +94,54 @@ std::optional<CableEnd> second_end(const Report& report) {
     return std::nullopt;
 }
 
-// The port of a slave that leads to a broken cable, perhaps by slaves that are not in the list.
-std::uint8_t dark_port(const Report& report, const SlaveFacts& slave) {
-    for (std::uint8_t port = 0; port < 4; ++port)
-        if (port != slave.entry_port && slave.ports[port].type != PortType::not_implemented && !slave.ports[port].link)
-            return port;
-    for (std::uint8_t port = 0; port < 4; ++port)
-        if (leads_out(report, slave, port)) return port;
-    return slave.entry_port;
+bool is_dark(const SlaveFacts& slave, std::uint8_t port) { return !slave.ports[port].link && !slave.ports[port].open; }
+
+// The end of the cable towards the beginning of the ring, as the list has it.
+CableEnd near_end(const SlaveFacts& slave) {
+    return slave.parent ? CableEnd{slave.parent, slave.parent_port} : CableEnd{};
+}
+
+// Whether the cable towards the beginning of the ring has a link. An application keeps the places of the whole ring, so
+// a slave behind the break may have a parent.
+bool has_link_before(const Report& report, const SlaveFacts& slave) {
+    const SlaveState* const parent = slave_at(report, slave.parent);
+    return !is_dark(slave, slave.entry_port) && (parent == nullptr || !is_dark(parent->facts, slave.parent_port));
+}
+
+// The slaves behind `root`, and `root` itself.
+std::vector<const SlaveState*> slaves_from(const Report& report, const SlaveState& root) {
+    std::vector<const SlaveState*> all{&root};
+    for (const SlaveState& slave : report.slaves)
+        if (std::ranges::find(all, slave_at(report, slave.facts.parent)) != all.end()) all.push_back(&slave);
+    return all;
+}
+
+// The end of the broken cable at the slaves before the break. Their list begins with `root`. Not set: several ports can
+// be this end, because an unused port has no link either.
+std::optional<CableEnd> end_before(const Report& report, const SlaveState& root, const SlaveState& behind) {
+    const auto is_ebus = [](const SlaveState& slave, std::uint8_t port) {
+        return slave.facts.ports[port].type == PortType::ebus;
+    };
+    std::vector<CableEnd> possible, had_link;
+    bool leaves_list = false;  // slaves that are not in the list are behind a port
+    for (const SlaveState* slave : slaves_from(report, root)) {
+        const SlaveFacts& s = slave->facts;
+        for (std::uint8_t port = 0; port < 4; ++port) {
+            const bool out = leads_out(report, s, port);
+            const bool dark = port != s.entry_port && is_dark(s, port) &&
+                              s.ports[port].type != PortType::not_implemented &&
+                              is_ebus(*slave, port) == is_ebus(behind, behind.facts.entry_port);
+            leaves_list |= out;
+            if (out || dark) possible.push_back({s.position, port});
+            if (dark && (!slave->counters_before || slave->counters_before->lost_links[port] != 0))
+                had_link.push_back(possible.back());
+        }
+    }
+    // Both ends of the cable have counted the loss of the link.
+    const bool counted =
+        behind.counters_before && behind.counters_before->lost_links[behind.facts.entry_port] != 0 && !leaves_list;
+    const auto& ends = counted ? had_link : possible;
+    return ends.size() == 1 ? std::optional(ends.front()) : std::nullopt;
 }
 
 }  // namespace
@@ -104,18 +149,20 @@ std::uint8_t dark_port(const Report& report, const SlaveFacts& slave) {
 RingState ring_of(const Report& report) {
     RingState state{.ring = report.master.devices.size() > 1};
     if (!state.ring) return state;
-    // The list of an application lacks the slaves that the application does not use: the slave before the break can be
-    // one of them.
-    const SlaveFacts* before = nullptr;
+    const SlaveState* first = nullptr;  // before the break
     for (const SlaveState& slave : report.slaves) {
         const SlaveFacts& s = slave.facts;
-        const bool first = before == nullptr && (s.position == 0 || s.ports[s.entry_port].link);
-        if (!s.parent && !first) {
-            state.behind = s.position;
-            if (before != nullptr) state.before = CableEnd{before->position, dark_port(report, *before)};
-            break;
+        if (has_link_before(report, s) && (s.parent || first == nullptr)) {
+            if (!s.parent) first = &slave;
+            continue;
         }
-        before = &s;
+        state.behind = s.position;
+        state.before = near_end(s);
+        if (!s.parent && first != nullptr) {
+            const auto end = end_before(report, *first, slave);
+            state.before = end.value_or(CableEnd{.port = kUnknownEnd});
+        }
+        break;
     }
     state.unconnected = !second_end(report);
     return state;
@@ -126,7 +173,7 @@ std::vector<Cable> cables_of(const Report& report) {
     std::vector<Cable> all;
     for (const SlaveState& slave : report.slaves) {
         const SlaveFacts& s = slave.facts;
-        CableEnd near{s.parent, s.parent_port};
+        CableEnd near = near_end(s);
         const bool behind = ring.behind == s.position;
         if (behind) near = ring.before;
         all.push_back(cable_between(report, near, {s.position, s.entry_port}, s.ports[s.entry_port].type));
@@ -168,8 +215,7 @@ std::vector<LooseEnd> loose_ends(const Report& report, const std::vector<Cable>&
 }
 
 std::string end_text(const CableEnd& end) {
-    if (end.slave) return fmt::format("slave {}, port {}", *end.slave, end.port);
-    return end.port == 0 ? "the master" : "the NIC at the end of the ring";
+    return end.slave ? fmt::format("slave {}, port {}", *end.slave, end.port) : master_end_text(end);
 }
 
 std::string_view medium_text(PortType type) {
@@ -184,8 +230,7 @@ std::string_view medium_text(PortType type) {
 
 std::string cable_text(const Cable& cable) {
     const auto name = [](const CableEnd& end) {
-        if (end.slave) return fmt::format("slave {}", *end.slave);
-        return std::string(end.port == 0 ? "the master" : "the NIC at the end of the ring");
+        return end.slave ? fmt::format("slave {}", *end.slave) : master_end_text(end);
     };
     return fmt::format("{} between {} and {}", cable.medium == PortType::ebus ? "E-bus contact" : "cable",
                        name(cable.near), name(cable.far));

@@ -12,9 +12,12 @@
 
 namespace margay::segment_report {
 
+// Instead of a port of the master: a slave before the break of a ring. It is not known which one.
+inline constexpr std::uint8_t kUnknownEnd = 2;
+
 struct CableEnd {
     std::optional<std::uint16_t> slave{};  // not set: the master
-    std::uint8_t port = 0;                 // of the slave; of the master: 1 the NIC at the end of a ring
+    std::uint8_t port = 0;  // of the slave; of the master: 1 the NIC at the end of a ring, or kUnknownEnd
 };
 
 // The counts at a port. A counter of an ESC stops at 255.
@@ -56,7 +59,7 @@ struct LooseEnd {
 };
 [[nodiscard]] std::vector<LooseEnd> loose_ends(const Report& report, const std::vector<Cable>& cables);
 
-// "slave 2, port 1", "the master", "the NIC at the end of the ring".
+// "slave 2, port 1", "the master", "the NIC at the end of the ring", "a slave before the break".
 [[nodiscard]] std::string end_text(const CableEnd& end);
 // "cable between slave 2 and slave 3", "E-bus contact between slave 2 and slave 3".
 [[nodiscard]] std::string cable_text(const Cable& cable);
@@ -66,12 +69,12 @@ struct LooseEnd {
 [[nodiscard]] std::string advice_text(const Cable& cable);
 [[nodiscard]] std::string_view medium_text(PortType type);
 
-// The master of a ring has two NICs, and slaves that only the NIC at the end of the ring reaches are behind a break.
+// The master of a ring has two NICs. Slaves that only the NIC at the end of the ring reaches are behind a break.
 struct RingState {
     bool ring = false;
     std::optional<std::uint16_t> behind{};  // the first slave of the list behind the break
-    CableEnd before{};                      // the last end before the break; of a slave of the list, or of the master
-    bool unconnected = false;               // no slave has a link to the NIC at the end of the ring
+    CableEnd before{};         // the last end before the break: of a slave of the list, of the master, or not known
+    bool unconnected = false;  // no slave has a link to the NIC at the end of the ring
     [[nodiscard]] bool whole() const { return ring && !behind && !unconnected; }
 };
 [[nodiscard]] RingState ring_of(const Report& report);

@@ -42,6 +42,7 @@ class Collector {
             return;
         }
         for (auto& facts : *slaves) report_.slaves.push_back({.facts = std::move(facts)});
+        if (report_.origin == Origin::application) each("links", [&](SlaveState& slave) { read_links(slave); });
         each("error counters", [&](SlaveState& slave) { read_counters(slave, slave.counters_before); });
         each("EEPROM", [&](SlaveState& slave) { read_eeprom(slave); });
         each("PDOs", [&](SlaveState& slave) { read_pdos(slave); });
@@ -50,7 +51,8 @@ class Collector {
         read_master();
         // The delays of a broken ring cannot be measured, and its slaves would not be mapped after the attempt.
         const auto ring = ring_of(report_);
-        if (!ring.ring || ring.whole()) each("clock", [&](SlaveState& slave) { read_clock(slave); });
+        const bool measures = report_.origin != Origin::application;
+        if (!measures || !ring.ring || ring.whole()) each("clock", [&](SlaveState& slave) { read_clock(slave); });
         read_image();
         if (settings_.expected) find_missing();
         if (settings_.cycles) {
@@ -86,6 +88,21 @@ class Collector {
 
     static void note(SlaveState& slave, std::string_view what, const ethercat::Problem& problem) {
         slave.problems.push_back(fmt::format("{}: {}", what, problem.text));
+    }
+
+    // An application keeps the ports of its last reading: those of the whole ring after a break.
+    void read_links(SlaveState& slave) {
+        const auto octets =
+            session_.read_registers(slave.facts.position, reg::kDlStatus.address, reg::kDlStatus.length);
+        if (!octets) return note(slave, "links", octets.problem());
+        if (octets->size() < reg::kDlStatus.length) return;
+        const auto status = load_le<std::uint16_t>(*octets, 0);
+        for (unsigned port = 0; port < 4; ++port) {
+            slave.facts.signal[port] = (status & wire::dl_status::communication(port)) != 0;
+            slave.facts.ports[port].link = (status & wire::dl_status::physical_link(port)) != 0;
+            slave.facts.ports[port].open =
+                slave.facts.signal[port] && (status & wire::dl_status::loop_closed(port)) == 0;
+        }
     }
 
     void read_counters(SlaveState& slave, std::optional<ErrorCounters>& into) {

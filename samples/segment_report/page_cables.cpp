@@ -25,6 +25,7 @@ Markup verdict_of(const Cable& cable) {
 }
 
 Markup cable_end(const CableEnd& end) {
+    if (!end.slave && end.port == kUnknownEnd) return "a slave before the break";
     if (!end.slave) return end.port == 0 ? "master" : "NIC at the end of the ring";
     return slave_link(*end.slave) + fmt::format(" port {}", end.port);
 }

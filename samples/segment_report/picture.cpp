@@ -224,6 +224,11 @@ class Picture {
         if (box >= slaves()) {
             const std::size_t nic = box - slaves();
             const auto& devices = report_.master.devices;
+            if (nic == kUnknownEnd)
+                return tag("g", "class=\"unknown\"",
+                           frame("box") + label(place.x() + 8, place.y() + 20, "name", "Not known") +
+                               label(place.x() + 8, place.y() + 40, "small", "slave before break")) +
+                       Markup::raw("\n");
             const auto name = nic < devices.size() ? devices[nic].name : report_.source;
             return tag("g", "class=\"master\"",
                        frame("box") + label(place.x() + 8, place.y() + 20, "name", nic == 0 ? "Master" : "Second NIC") +

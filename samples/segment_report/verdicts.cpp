@@ -140,7 +140,9 @@ class Judge {
     void ring() {
         const auto state = ring_of(report_);
         if (state.whole()) return add(Severity::good, "The ring is closed.", "topology");
-        if (state.behind)
+        if (state.behind && !state.before.slave && state.before.port == kUnknownEnd)
+            add(Severity::fault, fmt::format("The ring is broken before slave {}.", *state.behind), "topology");
+        else if (state.behind)
             add(Severity::fault,
                 fmt::format("The ring is broken between {} and slave {}.",
                             state.before.slave ? fmt::format("slave {}", *state.before.slave) : "the master",

@@ -150,6 +150,69 @@ TEST_F(ReportSegment, ARingHasBothCablesAndTheBreak) {
     EXPECT_EQ(broken.count("//svg[@id='topology']//g[@class='cable good']"), 3U);
 }
 
+// A ring of the slaves 0, 1, 4 and 5, with the slaves 2 and 3 at a branch of slave 1. The cable above the slave with
+// the name `broken` is broken.
+std::string ring_with_branch(const std::string& broken) {
+    std::string text = "ring = { slave = \"d\", port = 1 }\n";
+    for (const std::string slave : {"a", "b", "x", "y", "c", "d"}) {
+        text += "[[slave]]\nname = \"" + slave + "\"\ndevice = \"digital_io_16\"\nchip = \"junction\"\n";
+        if (slave == "x") text += "parent = \"b\"\nport = 3\n";
+        if (slave == "c") text += "parent = \"b\"\nport = 1\n";
+        if (slave == broken) text += "cable_broken = true\n";
+    }
+    return text;
+}
+
+// The slave before the break has a branch. Unused ports have no link either. The counters show which port has lost its
+// link.
+TEST_F(ReportSegment, ABreakBesideABranch) {
+    folder.write("broken.toml", ring_with_branch("c"));
+    auto report = made("broken.toml", {}, {.dictionaries = false}).report;
+    ASSERT_EQ(report.slaves.size(), 6U);
+    for (SlaveState& slave : report.slaves) slave.counters_before->lost_links = {};
+    const auto fault = [&] { return ReadPage(write_page(report).html).verdicts("fault").at(0); };
+    EXPECT_TRUE(contains(fault(), "The ring is broken before slave 4.")) << fault();
+    EXPECT_EQ(cable_text(cables_of(report).at(4)), "cable between a slave before the break and slave 4");
+    report.slaves[4].counters_before->lost_links[0] = 1;
+    report.slaves[1].counters_before->lost_links[1] = 1;
+    EXPECT_TRUE(contains(fault(), "The ring is broken between slave 1 and slave 4.")) << fault();
+    EXPECT_EQ(cables_of(report).at(4).near.port, 1U);
+    report.slaves[3].counters_before->lost_links[1] = 1;  // a device was there once
+    EXPECT_TRUE(contains(fault(), "The ring is broken before slave 4.")) << fault();
+}
+
+TEST_F(ReportSegment, TheCableOfTheFirstNicIsBroken) {
+    folder.write("broken.toml", ring_with_branch("a"));
+    const auto out = made("broken.toml", {}, {.dictionaries = false});
+    ASSERT_EQ(out.report.slaves.size(), 6U);
+    EXPECT_EQ(out.page.worst, Severity::fault);
+    const auto faults = ReadPage(out.page.html).verdicts("fault");
+    EXPECT_TRUE(contains(faults.at(0), "The ring is broken between the master and slave 0.")) << faults.at(0);
+}
+
+// An application keeps the places of the whole ring after a break. The links show where the break is.
+TEST_F(ReportSegment, ABreakInTheRingOfAnApplication) {
+    folder.write("whole.toml", ring_with_branch(""));
+    auto report = made("whole.toml", {}, {.dictionaries = false}).report;
+    ASSERT_EQ(report.slaves.size(), 6U);
+    EXPECT_TRUE(ring_of(report).whole());
+    ASSERT_EQ(report.slaves[4].facts.parent, 1U);
+    const auto set_link = [&](std::size_t slave, std::size_t port, bool link) {
+        auto& facts = report.slaves[slave].facts.ports[port];
+        facts.link = facts.open = link;
+    };
+    set_link(1, 1, false);
+    set_link(4, 0, false);
+    EXPECT_EQ(ring_of(report).behind, 4U);
+    EXPECT_EQ(cable_text(cables_of(report).at(4)), "cable between slave 1 and slave 4");
+    EXPECT_TRUE(cables_of(report).at(4).broken);
+    set_link(1, 1, true);
+    set_link(4, 0, true);
+    set_link(0, 0, false);
+    EXPECT_EQ(cable_text(cables_of(report).at(0)), "cable between the master and slave 0");
+    EXPECT_FALSE(ring_of(report).whole());
+}
+
 // An application lists the slaves that it uses. Other slaves got power later: they are in the ring, but not in the
 // list.
 TEST_F(ReportSegment, ABreakBehindSlavesThatAreNotInTheList) {
