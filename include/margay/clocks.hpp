@@ -37,10 +37,10 @@ struct SlaveClock {
     bool synchronised = false;
     // The difference has stayed within ClockSettings::limit_ns for ClockSettings::settle, measured after the slave was
     // lost last. While no time reaches a clock (after a break, or when the slave with the reference clock is lost), the
-    // clock stays in sync for a second at most. A supervision updates this member. Without a supervision, or with a
-    // watch_interval of zero, the member becomes false when the slave is seen to be lost, and stays false. While bus
-    // shift moves the reference clock faster than the other clocks can follow, the other clocks are not in sync. Behind
-    // a break of a ring with two NICs: see redundancy.hpp.
+    // clock stays in sync for a second at most; with cycles of 4 ms and more, for 1.5 s. A supervision updates this
+    // member. Without a supervision, or with a watch_interval of zero, the member becomes false when the slave is seen
+    // to be lost, and stays false. While bus shift moves the reference clock faster than the other clocks can follow,
+    // the other clocks are not in sync. Behind a break of a ring with two NICs: see redundancy.hpp.
     bool in_sync = false;
     bool sync_active = false;  // SYNC signals were activated
     // How long a SYNC signal stays active: ESC register 0x0982, which the chip loads from the SII. The library reads
