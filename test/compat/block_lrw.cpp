@@ -1,6 +1,6 @@
-// blockLRW of a group, written by the program at any time: the frames have LRD and LWR from the next send on, or LRW
-// again, and the working counter that the program has computed comes back. The commands are not visible by the
-// interface, so the test asks the library: block_lrw.
+// The program writes blockLRW of a group at any time: the frames have LRD and LWR from the next send on, or LRW again,
+// and the program receives the working counter that it has computed. The interface does not show the commands, so the
+// test reads them from the library.
 #ifdef SOEM2
 #include <soem/soem.h>
 static ecx_contextt context;
@@ -82,13 +82,13 @@ int main() {
     expect_commands(1, "LWR LRD ");
     expect_commands(2, "LWR LRD ");
     expect_commands(0, "LRW ");
-    // Between send and receive it counts for the next send.
+    // A change between send and receive takes effect with the next send.
     ecx_send_processdata(CTX);
     GROUP.blockLRW = 1;
     must(ecx_receive_processdata(CTX, EC_TIMEOUTRET) == expected, "the cycle on the wire");
     must(commands() == "LRW ", "LRW until the next send");
     expect_commands(1, "LWR LRD ");
-    // And at the next mapping.
+    // A change also takes effect with the next mapping.
     must(ecx_config_map_group(CTX, map, 0) > 0, "mapped again");
     must(commands() == "LWR LRD ", "LRD and LWR by the mapping");
     must(GROUP.outputsWKC * 2 + GROUP.inputsWKC == expected, "the same working counters");

@@ -2,7 +2,7 @@
 #ifndef CYCLES_H
 #define CYCLES_H
 
-/* Returns what the last one has received. */
+/* Returns the working counter of the last cycle. */
 static int cycles(int count) {
     int wkc = 0;
     while (count-- > 0) {

@@ -1,5 +1,5 @@
-// Two threads count under the lock of the SOEM interfaces. ThreadSanitizer, with which the test builds this program,
-// sees no race where the kernel passes the lock on. Ends with 0 when everything is as expected.
+// Two threads count under the lock of the SOEM interfaces. The test builds this program with ThreadSanitizer, which
+// must see no race when the kernel passes the lock on. Ends with 0 when everything is as expected.
 #include "compat/soem/priority_lock.hpp"
 
 #include <unistd.h>

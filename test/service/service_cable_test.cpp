@@ -50,7 +50,7 @@ class ServiceOnCable : public ServiceTest {
         const auto line = text + "\n";
         ASSERT_EQ(::write(commands, line.data(), line.size()), static_cast<ssize_t>(line.size()));
     }
-    // margayd, its log on standard output, where says() looks. `by`: a command that starts it.
+    // margayd, with its log on standard output for says(). `by`: a command that starts margayd.
     [[nodiscard]] std::unique_ptr<Child> service(const std::string& by = {}) const {
         const auto command = by + bin + "margayd --config " + file("etc") + " --sockets " + file("run");
         return std::make_unique<Child>(cable.master_namespace(),
@@ -83,7 +83,7 @@ TEST_F(ServiceOnCable, WaitsForTheSegmentAndKeepsItUp) {
     expect_says(*margayd, "a: 5 slaves found");
     expect_says(*margayd, "a: all is right: 5 slaves in OP");
 
-    // Where the interface of the service is, `master` shows it.
+    // In the namespace of the interface, `master` shows the interface of the service.
     Child there(cable.master_namespace(), {bin + "ethercat", "master", "--attach", file("run/a.sock")});
     EXPECT_EQ(there.wait(kServicePatience), 0) << there.errors();
     EXPECT_TRUE(contains(there.output(), "    Main: ") && contains(there.output(), "      Link: UP\n"))
@@ -93,7 +93,7 @@ TEST_F(ServiceOnCable, WaitsForTheSegmentAndKeepsItUp) {
 
     command("power off 3");
     expect_says(*margayd, "a: not all is right: slave 3");
-    // Each slave is compared again after frames were lost: until then it has an error.
+    // After lost frames, margayd compares the identity of each slave again. Until then the slave has an error.
     const auto others_go_on = [&] {
         return contains(folder.run(bin + "ethercat slaves --attach run/a.sock").out, "1  0:1  OP  +");
     };
@@ -109,12 +109,12 @@ TEST_F(ServiceOnCable, WaitsForTheSegmentAndKeepsItUp) {
     for (int n = 0; n < 1200 && !right_again(); ++n) std::this_thread::sleep_for(50ms);
     EXPECT_TRUE(right_again()) << margayd->output();
 
-    // The whole segment loses its power: the process ends, and another one with the same slaves is there.
+    // The whole segment loses its power: its process ends, and another process with the same slaves starts.
     const auto before = margayd->output().size();  // on a busy machine, frames were late before as well
     demo.reset();
     expect_says(*margayd, "no frame");
     demo = segment();
-    // The states that the service shows are old until it has looked.
+    // The states that the service shows are old until the service has read them again.
     const auto up_again = [&] {
         const auto log = margayd->output();
         const auto lost = log.find("slave 5: lost", before);
@@ -130,7 +130,7 @@ TEST_F(ServiceOnCable, WaitsForTheSegmentAndKeepsItUp) {
     EXPECT_TRUE(contains(margayd->output(), "a: all slaves in INIT\nmargayd: ends\n")) << margayd->output();
 }
 
-// What was read before is no answer.
+// States that were read before the silence are no answer.
 TEST_F(ServiceOnCable, ASilentSegmentIsInNoState) {
     configure_cable("cycle_us = 20000\n");
     auto demo = segment();
@@ -149,8 +149,8 @@ TEST_F(ServiceOnCable, ASilentSegmentIsInNoState) {
     EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
 }
 
-// They cannot be brought to INIT, and no other master has them: margayd brings them up when they answer again, by a
-// reload and by a new start.
+// margayd cannot bring silent slaves to INIT, but no other master uses them. margayd brings the slaves up when they
+// answer again, after a reload and after a new start.
 TEST_F(ServiceOnCable, SlavesThatDidNotAnswerAtTheEndAreItsOwn) {
     configure_cable("cycle_us = 20000\n");
     auto demo = segment();
@@ -162,7 +162,7 @@ TEST_F(ServiceOnCable, SlavesThatDidNotAnswerAtTheEndAreItsOwn) {
     margayd->send(SIGHUP);
     expect_says(*margayd, "a: slave 1 (EtherCAT coupler) is left in OP, not in INIT");
     expect_says(*margayd, "configuration reloaded: 1 master started");
-    margayd->terminate();  // the new master has found no slave, and knows no more than the old one
+    margayd->terminate();  // the new master has found no slave, and knows only what the old master knew
     EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
     margayd = service();
     expect_says(*margayd, "a: waiting: no slave answers");
@@ -174,7 +174,8 @@ TEST_F(ServiceOnCable, SlavesThatDidNotAnswerAtTheEndAreItsOwn) {
     EXPECT_EQ(folder.run("ls run").out, "") << "nothing is left: all slaves are in INIT";
 }
 
-// The one that follows a margayd that was killed finds no slave and ends: the next one still knows them.
+// After a killed margayd, the next margayd finds no slave and ends. The third margayd still knows the slaves as its
+// own.
 TEST_F(ServiceOnCable, SlavesOfAKilledServiceAreItsOwnAlsoAfterOneThatFoundNone) {
     configure_cable("cycle_us = 20000\n");
     auto demo = segment();
@@ -211,7 +212,7 @@ TEST_F(ServiceOnCable, SlavesThatWereLeftInSafeopAreItsOwnAlsoWithAnotherEndStat
     EXPECT_EQ(folder.run("ls run").out, "") << "nothing is left: all slaves are in INIT";
 }
 
-// As systemctl stop and start, which deletes the folder of the sockets with all marks.
+// Like `systemctl stop` and `systemctl start`: the folder of the sockets is deleted with all marks.
 TEST_F(ServiceOnCable, AStopAndAStartNeedNoHand) {
     auto demo = segment();
     for (const std::string end : {"INIT", "SAFEOP"}) {
@@ -227,7 +228,7 @@ TEST_F(ServiceOnCable, AStopAndAStartNeedNoHand) {
     }
 }
 
-// No frame comes back in the moment of the end, and for 0.3 s: far less than the patience at the end.
+// No frame comes back at the end of margayd, for 0.3 s: far less than the time limit at the end.
 TEST_F(ServiceOnCable, AnOutageAtTheEndLeavesNoSlaveInOp) {
     configure_cable("cycle_us = 20000\n");
     auto demo = segment();
@@ -242,8 +243,8 @@ TEST_F(ServiceOnCable, AnOutageAtTheEndLeavesNoSlaveInOp) {
     EXPECT_TRUE(contains(margayd->output(), "a: all slaves in INIT\nmargayd: ends\n")) << margayd->output();
 }
 
-// A client takes the outputs of slave 2 away, and the segment is laid out without them. After a loss of power the slave
-// has them again.
+// A client removes the outputs of slave 2, and the segment is mapped without these outputs. After a loss of power the
+// slave has the outputs again.
 TEST_F(ServiceOnCable, ASlaveThatComesBackWithOtherPdosLeadsToANewScan) {
     configure_cable("cycle_us = 20000\n");
     auto drives = segment("drives");
@@ -259,7 +260,7 @@ TEST_F(ServiceOnCable, ASlaveThatComesBackWithOtherPdosLeadsToANewScan) {
     };
     ASSERT_EQ(ethercat("states PREOP -p 1"), 0);
     ASSERT_EQ(ethercat("download -p 1 -t uint8 0x1c12 0 0"), 0);
-    (void)ethercat("states OP -p 1");  // it does not fit before the scan
+    (void)ethercat("states OP -p 1");  // the slave does not fit the image before the scan
     for (int n = 0; n < 1200 && !right_after("scanned again", 0); ++n) std::this_thread::sleep_for(50ms);
     ASSERT_TRUE(right_after("scanned again", 0)) << margayd->output();
     const auto from = margayd->output().size();
@@ -276,7 +277,7 @@ TEST_F(ServiceOnCable, AnInterfaceMayBeMissingOffOrRemoved) {
     auto margayd = service();
     expect_says(*margayd, std::string("a: waiting: there is no interface \"") + Cable::kMaster + "\"");
     const auto add = [&] {
-        // Both ends are new. The end of the master is switched off: margayd switches it on.
+        // Both ends are new. The end of the master is down: margayd sets it up.
         ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link add ") + Cable::kMaster +
                                                            " type veth peer name " + Cable::kSegment + " netns " +
                                                            cable.segment_namespace()));
@@ -296,7 +297,7 @@ TEST_F(ServiceOnCable, AnInterfaceMayBeMissingOffOrRemoved) {
     };
     for (int n = 0; n < 1200 && !up_again(); ++n) std::this_thread::sleep_for(50ms);
     EXPECT_TRUE(up_again()) << margayd->output();
-    // After some seconds another error than that of the interface is named.
+    // After some seconds the error that is reported is not the error of the interface.
     ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link del ") + Cable::kMaster));
     std::this_thread::sleep_for(4s);
     demo.reset();
@@ -321,7 +322,7 @@ TEST_F(ServiceOnCable, SlavesThatAreAddedAreScannedWithoutAnEni) {
     EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
 }
 
-// The slave before them is in OP meanwhile, and stays there.
+// The slave before the clocks is in OP meanwhile, and stays in OP.
 TEST_F(ServiceOnCable, TheClocksAreMeasuredWhenTheReferenceClockGetsItsPower) {
     folder.write("etc/machine.xml", clocked_eni("sim:coupler,drive,drive", 3, 10ms, 2));
     configure_cable("eni = \"machine.xml\"\n");
@@ -365,7 +366,7 @@ TEST_F(ServiceOnCable, LeavesASegmentToItsMasterAndTakesBackItsOwn) {
         EXPECT_FALSE(other.ended());
         EXPECT_FALSE(contains(margayd->output(), "slaves found")) << margayd->output();
         other.terminate();
-        EXPECT_GE(other.wait(kServicePatience), 0) << other.errors();  // 1 where it has missed a cycle
+        EXPECT_GE(other.wait(kServicePatience), 0) << other.errors();  // 1 if it has missed a cycle
         expect_says(*margayd, "a: all is right: 5 slaves in OP");
         // The destructor kills margayd: the slaves stay in OP or SAFEOP, and the socket stays.
     }
@@ -386,7 +387,7 @@ TEST_F(ServiceOnCable, SlavesWithEoeGetInterfaces) {
     expect_says(*margayd, "a: all is right");
     ASSERT_TRUE(cable.ip(cable.master_namespace(), "addr add 192.168.78.1/24 dev gw-of-line"));
     ASSERT_TRUE(cable.ip(cable.segment_namespace(), "addr add 192.168.78.2/24 dev gw1"));
-    // The stack of the kernel at the other end refuses the connection: frames have passed in both directions.
+    // The kernel at the other end refuses the connection, so frames have passed in both directions.
     Cable::inside(cable.master_namespace(), [] {
         const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
         const timeval patience{20, 0};
@@ -406,7 +407,7 @@ TEST_F(ServiceOnCable, SlavesWithEoeGetInterfaces) {
     EXPECT_FALSE(run("ip -n " + cable.master_namespace() + " link show gw-of-line", &gone)) << gone;
 }
 
-// With an ENI: the slaves of a scan have their interfaces from the start.
+// With an ENI. Without an ENI, the slaves of a scan have their interfaces from the start.
 TEST_F(ServiceOnCable, ASlaveThatComesLaterGetsItsInterface) {
     if (!std::filesystem::exists("/dev/net/tun")) GTEST_SKIP() << "no TAP devices here: /dev/net/tun is missing";
     ASSERT_EQ(folder.run(bin + "slaveinfo sim:eoe --write-eni etc/machine.xml").status, 0);
@@ -447,7 +448,7 @@ TEST_F(ServiceOnCable, ASlaveInInitGetsItsInterfaceWhenItIsInPreop) {
     EXPECT_EQ(margayd->wait(kServicePatience), 0) << margayd->output();
 }
 
-// As systemd starts it by the unit: another user than root, and these capabilities only.
+// As systemd starts margayd by the unit: a user without root rights, and only these capabilities.
 TEST_F(ServiceOnCable, TheCapabilitiesOfTheUnitAreEnough) {
     if (folder.run("command -v setpriv").status != 0) GTEST_SKIP() << "setpriv is not installed";
     const auto unit = content_of(std::string(MARGAY_SOURCE_DIR) + "/samples/margayd/install/margayd.service.in");
@@ -469,7 +470,7 @@ TEST_F(ServiceOnCable, TheCapabilitiesOfTheUnitAreEnough) {
     const auto ready = folder.run("chmod 755 . && mkdir run && chown nobody run && " + by + bin + "margayd --version");
     if (ready.status != 0) GTEST_SKIP() << "the user nobody cannot execute programs of this folder: " << ready.err;
     ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link set ") + Cable::kMaster + " down"));
-    // systemd gives all users this device; not every container does.
+    // systemd permits all users to write to this device. Some containers do not.
     const bool eoe = folder.run("setpriv --reuid=nobody --clear-groups test -w /dev/net/tun").status == 0;
     configure_cable(std::string(eoe ? "eoe = true\n" : "") +
                     "socket = { owner = \"daemon\", group = \"daemon\", mode = \"0620\" }\n");

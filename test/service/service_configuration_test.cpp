@@ -68,7 +68,7 @@ TEST_F(ServiceConfigurationTest, EachErrorIsNamedByFileAndLine) {
         EXPECT_TRUE(contains(ran.err, text)) << text << "\n" << ran.err;
     for (std::size_t at = 0; at < ran.err.size(); at = ran.err.find('\n', at) + 1)
         EXPECT_EQ(ran.err.substr(at, 9), "margayd: ") << ran.err.substr(at, 80);
-    // Started with it, margayd says the same and runs nothing.
+    // When margayd is started with this configuration, it prints the same messages and serves no master.
     const auto started = shell("margayd; s=$?; ls run; exit $s");
     EXPECT_EQ(started.status, 2);
     EXPECT_TRUE(contains(started.err, "a.toml: line 2:")) << started.err;
@@ -100,7 +100,8 @@ TEST_F(ServiceConfigurationTest, WhatIsNoFileIsNamed) {
                                                                                                        << ran.err;
 }
 
-// Two addresses in other words, or an address and the one that stands for all, cannot both have a port.
+// Two gateways cannot use the same port of one address. The address may be written in two ways, or one address may
+// stand for all addresses.
 TEST_F(ServiceConfigurationTest, GatewaysAreComparedByWhatTheyAreAndNotByTheirText) {
     const auto both = [this](const std::string& one, const std::string& two) {
         configure("a.toml", "source = \"sim:demo\"\ngateway = { listen = \"" + one + "\" }\n");

@@ -17,7 +17,7 @@ class ServiceTest : public testing::Test {
     void SetUp() override { std::filesystem::create_directories(folder.path() / "etc"); }
     void configure(const std::string& file, const std::string& text) const { folder.write("etc/" + file, text); }
 
-    // Executes commands of the shell with these functions beside:
+    // Executes commands of the shell, which may use these functions:
     //   start        margayd with the configuration in etc and the sockets in run, in the background; its log is `log`
     //   says TEXT    waits until the log has the text; says N TEXT: N times
     //   stop         ends it by SIGTERM, and returns its exit code
@@ -43,7 +43,7 @@ class ServiceTest : public testing::Test {
                "touch log\n";
     }
 
-    // The same where /run and /etc are the test's own, so that ethercat finds everything by itself.
+    // The same with a private /run and /etc, so that ethercat finds everything without options.
     [[nodiscard]] Ran system_shell(const std::string& commands, const std::string& bin = MARGAY_BIN_DIR) const {
         folder.write(
             "commands",
@@ -53,7 +53,7 @@ class ServiceTest : public testing::Test {
                 "/margayd 2>>log & d=$!; }\nrm -rf /etc/margay\ncp -r etc /etc/margay\n" + commands);
         return folder.run("unshare --mount --propagation private sh commands");
     }
-    // Why system_shell() cannot work here; empty: it can.
+    // The reason why system_shell() does not work here; empty: it works.
     [[nodiscard]] std::string no_system() const {
         const auto ran = folder.run("unshare --mount --propagation private sh -c 'mount -t tmpfs none /run'");
         return ran.status == 0 ? std::string() : "no mount namespaces here: " + ran.err;

@@ -1,4 +1,4 @@
-// What margayd offers to ethercat beside facts and slaves: rescan, the level of its messages, its EoE ports.
+// What margayd offers to ethercat beside facts and slaves: a rescan, the level of its messages, its EoE ports.
 #include "service/service_fixture.hpp"
 
 #include <algorithm>
@@ -61,8 +61,8 @@ TEST_F(ServiceTest, ARescanNamesWhatIsMissing) {
     EXPECT_EQ(content_of(folder.path() / "quiet"), "");
 }
 
-// Attached to margayd, `slaves` prints the flag E and a warning with its reason, and ends with exit code 1. The warning
-// comes once.
+// Attached to margayd, `slaves` prints the flag E and a warning with the reason of the error. Its exit code is 1. The
+// warning is printed once.
 TEST_F(ServiceTest, ASlaveWithAnErrorIsNamed) {
     std::ofstream(folder.path() / "b.toml")
         << "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_in_8\"\nsii_status = 0x2000\n";
@@ -95,7 +95,7 @@ TEST_F(ServiceTest, TheLevelOfMessagesChangesWhileItRuns) {
     EXPECT_FALSE(contains(log, "b: ends")) << log;
 }
 
-// In a network namespace of its own: the interfaces are the test's.
+// The test has a network namespace with its own interfaces.
 TEST_F(ServiceTest, TheEoePortsAreShownWithTheirInterfaces) {
     if (!std::filesystem::exists("/dev/net/tun")) GTEST_SKIP() << "no TAP devices here: /dev/net/tun is missing";
     if (folder.run("unshare --net ip link set lo up").status != 0) GTEST_SKIP() << "no network namespaces here";

@@ -67,7 +67,7 @@ TEST_F(ServiceTest, AReloadWithAFolderOrAFifoKeepsTheMasters) {
     EXPECT_TRUE(log.find("all slaves in INIT") > log.rfind("go on with the old one")) << log;
 }
 
-// A client of the socket may ask for another state than the configuration.
+// A client of the socket may request another state than the state of the configuration.
 TEST_F(ServiceTest, SlavesInAnotherStateThatWasAskedForAreCounted) {
     configure("a.toml", "source = \"sim:demo\"\n");
     const auto ran = shell(
@@ -133,11 +133,11 @@ TEST_F(ServiceTest, ASecondServiceIsRefusedAndTheFirstGoesOn) {
     EXPECT_TRUE(contains(ran.out, "second 3\nthird 3\n0  0:0  OP  +  EtherCAT coupler\n")) << ran.out;
     const auto second = content_of(folder.path() / "second");
     EXPECT_TRUE(contains(second, "a: does not start: run/a.sock: another program serves this socket")) << second;
-    // The second one has touched no segment, although one of its sockets was free.
+    // The second margayd has not accessed any segment, although one of its sockets was free.
     EXPECT_FALSE(contains(content_of(folder.path() / "third"), "found")) << content_of(folder.path() / "third");
 }
 
-// What a new master needs is in use for a moment.
+// Another program uses the socket of the new master for a moment.
 TEST_F(ServiceTest, AMasterThatCannotStartAtAReloadIsTriedAgain) {
     configure("a.toml", "source = \"sim:demo\"\n");
     folder.write("b", "source = \"sim:demo\"\n");

@@ -1,4 +1,4 @@
-// What margayd makes from its tables, and what is installed for systemd.
+// The texts that margayd makes from its tables, and the files that are installed for systemd.
 #include "service/service_fixture.hpp"
 
 #include "common/service_configuration.hpp"
@@ -42,7 +42,7 @@ TEST_F(ServiceTexts, TheExampleOfTheManualIsAConfiguration) {
     const auto from = help.find("\nExample:\n") + 10;
     configure("example.toml", help.substr(from, help.find("\n\n", from) - from) + "\n");
     const auto ran = shell("margayd --check");
-    // The ENI and the group come from the user.
+    // The user provides the ENI and the group.
     EXPECT_TRUE(contains(ran.err, "example.toml: line 3: ")) << ran.err;
     EXPECT_TRUE(contains(ran.err, "example.toml: line 5: there is no group 'automation'")) << ran.err;
     EXPECT_FALSE(contains(ran.err, "line 1: ") || contains(ran.err, "line 4: ")) << ran.err;

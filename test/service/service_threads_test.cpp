@@ -1,5 +1,5 @@
-// A master of margayd in this process, with its cycle, its log, its socket, its mailbox gateway and an EoE interface,
-// while clients of all kinds attack it. In real time; under ThreadSanitizer the threads of the service are the point.
+// A master of margayd in this process, with its cycle, log, socket, mailbox gateway and an EoE interface, while clients
+// of all kinds attack it. In real time. The test is made for ThreadSanitizer, which checks the threads of the service.
 #include "margayd/master.hpp"
 
 #include "attach/client.hpp"
@@ -33,7 +33,7 @@ using testing_gateway::Over;
 
 constexpr auto kAttack = 2s;
 constexpr auto kPatience = 60s;
-constexpr int kEnough = 20;  // answers, and replies of the gateway
+constexpr int kEnough = 20;  // answers of the socket, and replies of the gateway
 
 class ServiceThreads : public testing::Test {
   protected:
@@ -83,7 +83,7 @@ class ServiceThreads : public testing::Test {
         return text.find(part) != std::string::npos;
     }
 
-    // Asks for everything that a client may ask for, and changes what it may change.
+    // Requests everything that a client may request, and changes everything that a client may change.
     void curious() {
         Client client;
         if (!client.connect(path).empty()) return;
@@ -110,7 +110,7 @@ class ServiceThreads : public testing::Test {
                                   {.slave = slave, .state = n % 8 == 0 ? AlState::preop : AlState::op});
         }
     }
-    // Octets of any kind, half messages, and gone.
+    // Sends random octets and incomplete messages, and disconnects.
     void hostile(unsigned seed) {
         std::mt19937 random(seed);
         while (!stopping) {
@@ -155,7 +155,7 @@ class ServiceThreads : public testing::Test {
             }
         }
     }
-    // Frames into the EoE interface, which the slave takes or not.
+    // Sends frames into the EoE interface. The slave may accept them or not.
     void frames(const std::string& interface) const {
         const int fd = ::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, 0);
         ifreq request{};
@@ -189,7 +189,7 @@ class ServiceThreads : public testing::Test {
                 threads.emplace_back([=, this] { of_gateway(port, over, is_hostile, is_hostile ? 7 : 8); });
         if (!interface.empty()) threads.emplace_back([this, interface] { frames(interface); });
         const auto begin = std::chrono::steady_clock::now();
-        // A busy machine takes longer for the same.
+        // A busy machine needs more time for the same number of answers.
         const auto goes_on = [&] {
             const auto since = std::chrono::steady_clock::now() - begin;
             return since < kAttack || (since < kPatience && (answers < kEnough || replies < kEnough));
@@ -209,7 +209,7 @@ class ServiceThreads : public testing::Test {
         EXPECT_GE(replies, kEnough);
         EXPECT_FALSE(master->failed());
         Client client;
-        // The connections of the hostile clients may not be seen to be gone yet.
+        // margayd may not have noticed yet that the hostile clients have disconnected.
         for (int n = 0; n < 100 && !client.connect(path).empty(); ++n) std::this_thread::sleep_for(50ms);
         for (std::uint16_t slave = 1; slave <= 3; ++slave)
             EXPECT_TRUE(client.call(Operation::set_target, {.slave = slave, .state = AlState::op}).ok());

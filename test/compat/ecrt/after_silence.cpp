@@ -1,6 +1,6 @@
-// A segment of many slaves is silent until their watchdogs have expired. When it answers again, no slave is operational
-// by the state that it had before: the states of so many slaves need several cycles. Ends with 0 when everything is as
-// expected.
+// A segment of many slaves is silent until the watchdogs of the slaves have expired. When the segment answers again, no
+// slave is shown as operational because of its earlier state: reading the states of so many slaves needs several
+// cycles. Ends with 0 when everything is as expected.
 #include "virtual_time.hpp"
 
 #include <margay/datagram.hpp>
@@ -17,7 +17,7 @@ struct Program {
     ec_domain_t* domain = ecrt_master_create_domain(master);
     std::array<ec_slave_config_t*, kSlaves> drives{};
     ec_master_state_t state{};
-    DatagramRequest close;  // the port of the first slave to the master
+    DatagramRequest close;  // closes the port of the first slave to the master
 
     ~Program() {
         close.cancel();
@@ -58,7 +58,7 @@ int run() {
     for (unsigned n = 0; n < 100; ++n) program.cycle();
     CHECK(program.operational() == kSlaves && program.state.al_states == EC_AL_STATE_OP);
 
-    // The loop settings of the DL control register, for a second.
+    // The loop settings of the DL control register, for one second.
     std::array<std::byte, 2> closed{std::byte{0x03}, std::byte{0x03}};
     program.close.command = DatagramCommand::apwr;
     program.close.ado = 0x0100;

@@ -16,7 +16,7 @@ using namespace margay;
 
 namespace {
 
-// Two threads that believe to own the context would poll at the same time.
+// A second thread that is also accepted as the owner of the context would poll at the same time.
 bool is_owner(const ec_master_t& master) { return allow_waiting(*master.bus->ctx, true).ok(); }
 
 int read_type(ec_master_t* master) {
@@ -28,7 +28,7 @@ int read_type(ec_master_t* master) {
     return 0;
 }
 
-// The scan that is asked for does not end what begins after it.
+// The requested scan does not end a request that begins after it.
 int read_after_reset(ec_master_t* master, ec_slave_config_t* drive) {
     ec_sdo_request_t* const object = ecrt_slave_config_create_sdo_request(drive, 0x1000, 0, 4);
     ec_reg_request_t* const registers = ecrt_slave_config_create_reg_request(drive, 2);
@@ -64,7 +64,7 @@ struct Answers {
     [[nodiscard]] bool all_are(int result) const { return results == std::array{result, result, result}; }
 };
 
-// The program has written other PDOs meanwhile.
+// The program writes other PDOs between two readings.
 int read_pdos(ec_master_t* master, std::uint16_t position) {
     const Answers before(master, position);
     CHECK(before.all_are(0) && before.sync.n_pdos == 1 && before.pdo.n_entries == 8 && before.entry.index == 0x6064);
@@ -75,7 +75,7 @@ int read_pdos(ec_master_t* master, std::uint16_t position) {
     return 0;
 }
 
-// A slave that answers no mail is not one without PDOs.
+// A slave that answers no mail is not reported as a slave without PDOs.
 int read_mute(ec_master_t* master, std::uint16_t mute) {
     CHECK(Answers(master, mute).all_are(-EIO));
     CHECK(read_pdos(master, static_cast<std::uint16_t>(mute + 1)) == 0);
@@ -92,7 +92,7 @@ int run(ec_master_t* master) {
     }
     CHECK(read_after_reset(master, drive) == 0);
     CHECK(read_pdos(master, 1) == 0);
-    // Under way at the activation.
+    // The request is in progress at the activation.
     ec_sdo_request_t* const object = ecrt_slave_config_create_sdo_request(drive, 0x1000, 0, 4);
     CHECK(ecrt_sdo_request_read(object) == 0);
     CHECK(ecrt_master_activate(master) == 0);

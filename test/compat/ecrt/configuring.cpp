@@ -1,5 +1,5 @@
-// Threads that register entries or read PDOs while another one activates, and threads that configure the same slaves.
-// The slaves are asked for their PDOs, which takes some time. Ends with 0 when everything is as expected.
+// Threads register entries or read PDOs while another thread activates, and threads configure the same slaves. The
+// master reads the PDOs of the slaves, which takes some time. Ends with 0 when everything is as expected.
 #include <check.h>
 #include <cycle.h>
 
@@ -60,7 +60,7 @@ int register_at_activation(ec_master_t* master, unsigned delay_ms) {
     return 0;
 }
 
-// PDOs that are read while another thread activates.
+// PDOs are read while another thread activates.
 int read_at_activation(ec_master_t* master, ec_master_t* reader, unsigned delay_ms) {
     constexpr std::uint8_t kOutputs = 2;
     static ec_pdo_entry_info_t entry = {kControlword, 0, 16};
@@ -91,7 +91,7 @@ int read_at_activation(ec_master_t* master, ec_master_t* reader, unsigned delay_
     return 0;
 }
 
-// The PDOs that a slave has in operation are those that the program has set, also where others were read before.
+// In operation, a slave has the PDOs that the program has set, also when other PDOs were read before.
 int read_in_operation(ec_master_t* master, ec_master_t* reader) {
     constexpr std::uint8_t kInputs = 3;
     static ec_pdo_entry_info_t entries[] = {{0x6064, 0, 32}, {kStatusword, 0, 16}};
@@ -124,7 +124,7 @@ int read_in_operation(ec_master_t* master, ec_master_t* reader) {
     return 0;
 }
 
-// The same for a list that an object of the configuration writes.
+// The same for a PDO list that an object of the configuration writes.
 int read_what_was_configured(ec_master_t* master, ec_master_t* reader) {
     ec_sync_info_t known = {};
     CHECK(ecrt_master_get_sync_manager(reader, 1, 2, &known) == 0 && known.n_pdos == 1);
@@ -144,7 +144,7 @@ int read_what_was_configured(ec_master_t* master, ec_master_t* reader) {
     return 0;
 }
 
-// The same for a list that a request writes.
+// The same for a PDO list that a request writes.
 int read_what_was_written(ec_master_t* master, ec_master_t* reader) {
     ec_slave_config_t* const config = ecrt_master_slave_config(master, 0, 2, kVendor, kDrive);
     CHECK(config != nullptr);

@@ -1,5 +1,5 @@
-// The copies between the memory of a domain and the image of a group, compared with plain copies: any sizes and
-// distances, the same and different ones, in any order.
+// The copies between the memory of a domain and the image of a group have the same result as plain copies: any sizes
+// and distances, equal and different, in any order.
 #include "compat/ecrt/copies.hpp"
 
 #include <algorithm>

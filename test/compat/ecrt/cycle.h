@@ -12,14 +12,15 @@
 
 #define CYCLE_NS 1000000L
 
-/* Sleeps at least for a period after the cycle before: on a busy machine cycles come later, never several at once. */
+/* Sleeps at least one period after the previous cycle. On a busy machine cycles come later, but never several at once.
+ * */
 static inline void next_cycle(void) {
     const struct timespec period = {0, CYCLE_NS};
     clock_nanosleep(CLOCK_MONOTONIC, 0, &period, NULL);
 }
 
-/* The number of right cycles one after the other. FAR_SEGMENT in the environment: in total. The segment is another
- * process then, and on a busy machine some of its answers come too late. */
+/* The number of right cycles in succession; with FAR_SEGMENT in the environment, the total number. The segment is then
+ * another process, and on a busy machine some of its answers are too late. */
 static inline unsigned int count_right(unsigned int before, int right) {
     if (right) return before + 1;
     return getenv("FAR_SEGMENT") != NULL ? before : 0;

@@ -1,5 +1,5 @@
-// Configurations of simulated drives with lists of their PDOs. What a slave has by itself would be read by the thread
-// that polls until activation, in a time of its own.
+// Configurations of simulated drives with lists of their PDOs. Without these lists, the polling thread would read the
+// PDOs of the slaves before activation, which takes an undefined time.
 #pragma once
 
 #include <ecrt.h>

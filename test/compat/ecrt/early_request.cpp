@@ -1,5 +1,5 @@
-// A request for a slave that has just come and is still in INIT: it waits for PREOP, at most for its timeout, which
-// counts from its start. Ends with 0 when everything is as expected.
+// A request for a slave that has just appeared and is still in INIT: the request waits for PREOP, at most for its
+// timeout, which begins when the request starts. Ends with 0 when everything is as expected.
 #include "virtual_time.hpp"
 
 namespace {
@@ -34,7 +34,7 @@ int run() {
     ec_sdo_request_t* const hasty = program.request(20);
     CHECK(ecrt_master_activate(program.master) == 0);
     for (int n = 0; n < 1000; ++n) program.cycle();
-    // It is absent.
+    // The slave is absent.
     ecrt_sdo_request_read(patient);
     CHECK(!program.state.online && ecrt_sdo_request_state(patient) == EC_REQUEST_ERROR);
     for (int n = 0; n < 20000 && !program.state.online; ++n) program.cycle();
@@ -43,7 +43,7 @@ int run() {
     int hasty_for = 0;
     int unread = 0;
     while (program.state.al_state == EC_AL_STATE_INIT) {
-        // Its SII is being read: it is not a slave without SyncManagers.
+        // The library still reads the SII of the slave, and does not report a slave without SyncManagers.
         ec_slave_info_t info;
         const int known = ecrt_master_get_slave(program.master, 1, &info);
         CHECK(known == -EAGAIN || (known == 0 && info.sync_count == 4 && info.name[0] != '\0'));

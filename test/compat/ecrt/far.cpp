@@ -1,5 +1,5 @@
-// Configurations at positions that no slave can have stay offline, and disturb no other one. Virtual time. Ends with 0
-// when everything is as expected.
+// Configurations at positions that no slave can have stay offline, and do not disturb other configurations. Virtual
+// time. Ends with 0 when everything is as expected.
 #include "drives.hpp"
 #include "virtual_time.hpp"
 
@@ -10,7 +10,7 @@ namespace {
 struct Address {
     std::uint16_t alias;
     std::uint16_t position;
-    bool possible = false;  // its slave comes
+    bool possible = false;  // its slave appears
 };
 
 struct Program {

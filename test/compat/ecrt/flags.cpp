@@ -1,6 +1,6 @@
-// Flags of configurations, and PDOs that may overlap. What they change is seen in the time of the start-up and in the
-// datagrams, so the test links the objects of the facade, with a segment in virtual time in place of that of the
-// environment. Ends with 0 when everything is as expected.
+// Flags of configurations, and PDOs that may overlap. The time of the start-up and the datagrams show their effect, so
+// the test links the objects of the facade. Its segment has virtual time and replaces the segment of the environment.
+// Ends with 0 when everything is as expected.
 #include "drives.hpp"
 #include "virtual_time.hpp"
 
@@ -39,7 +39,7 @@ struct Program {
         return state.wc_state;
     }
 
-    // Milliseconds until both slaves are in OP; 0: they do not get there.
+    // Milliseconds until both slaves are in OP; 0: the slaves do not reach OP.
     int start() {
         if (ecrt_master_activate(master) != 0) return 0;
         for (int n = 1; n < 20000; ++n) {
@@ -52,7 +52,7 @@ struct Program {
         return 0;
     }
 
-    // Octets that the datagrams of a cycle have in logical memory.
+    // Number of octets of logical memory in the datagrams of a cycle.
     std::uint32_t logical_octets() const {
         std::uint32_t all = 0;
         for (std::size_t n = 0;; ++n) {
@@ -62,7 +62,7 @@ struct Program {
         }
     }
 
-    // The mode that is commanded comes back from each drive.
+    // Each drive returns the mode that is commanded.
     int modes_come_back() {
         for (unsigned n = 0; n < 2; ++n) EC_WRITE_U8(ecrt_domain_data(domain) + outputs[n], n == 0 ? 8 : 9);
         for (int n = 0; n < 50; ++n) CHECK(cycle() == EC_WC_COMPLETE);
@@ -84,7 +84,7 @@ int run() {
     ecrt_slave_config_overlapping_pdos(usual.drives[0], 1);
     CHECK(ecrt_master_deactivate(usual.master) == 0);
 
-    // The second slave needs time before SAFEOP, the last value of a flag counts.
+    // The second slave needs time before SAFEOP. The last value of a flag is used.
     CHECK(usual.configure() == 0);
     CHECK(ecrt_slave_config_flag(usual.drives[1], nullptr, 1) == -EINVAL);
     CHECK(ecrt_slave_config_flag(usual.drives[1], "WaitBeforeSAFEOPms", -1) == -EINVAL);
@@ -114,7 +114,7 @@ int run() {
     CHECK(state.working_counter == 6);
     CHECK(ecrt_master_deactivate(usual.master) == 0);
 
-    // It counts for one activation.
+    // The setting is valid for one activation.
     CHECK(usual.configure() == 0);
     CHECK(usual.start() > 0 && usual.logical_octets() == usual_octets);
     return 0;

@@ -1,5 +1,5 @@
-// What a slave has is asked for the first time in some cycle of the start-up: the answer is right, or it is an error,
-// and an error is not kept. Ends with 0 when everything is as expected.
+// The program requests the data of a slave for the first time in some cycle of the start-up. The answer is right or an
+// error, and an error is not kept. Ends with 0 when everything is as expected.
 #include "drives.hpp"
 
 #include <check.h>
@@ -52,7 +52,7 @@ struct Answers {
                    ecrt_master_get_sync_manager(master, kPosition, 3, &sync),
                    ecrt_master_get_pdo(master, kPosition, 3, 0, &pdo),
                    ecrt_master_get_pdo_entry(master, kPosition, 3, 0, 1, &entry)}} {}
-    // The list of the program.
+    // The results are right: the PDO list is the list of the program.
     int are_right() const {
         for (const int result : results) CHECK(result == 0);
         CHECK(slave.vendor_id == kVendor && slave.product_code == kDrive);

@@ -1,5 +1,5 @@
-// A configuration names only the outputs of its slave, which has inputs too and comes after activation: it attaches,
-// and no other slave leaves OP for it. Ends with 0 when everything is as expected.
+// A configuration has PDOs only for the outputs of its slave. The slave also has inputs, and appears after activation:
+// it attaches, and no other slave leaves OP. Ends with 0 when everything is as expected.
 #include "virtual_time.hpp"
 
 namespace {
@@ -55,7 +55,7 @@ int run() {
     for (int n = 0; n < 50; ++n) cycle();
     CHECK(of_slave.operational && of_input.operational);
     CHECK(state.wc_state == EC_WC_COMPLETE && state.working_counter == 3);
-    // The SyncManager of its inputs is switched on, with the length of its PDOs.
+    // The SyncManager of the inputs is enabled, with the length of the PDOs of the slave.
     ecrt_reg_request_read(inputs, 0x0818, 8);
     for (int n = 0; n < 1000 && ecrt_reg_request_state(inputs) == EC_REQUEST_BUSY; ++n) cycle();
     const uint8_t* const registers = ecrt_reg_request_data(inputs);
@@ -67,7 +67,7 @@ int run() {
     return 0;
 }
 
-// A configuration names no PDO at all. Nothing is reserved for the slave: the segment starts again.
+// A configuration names no PDO. The image has no space for the slave, so the segment starts again.
 int run_unnamed() {
     const Program program;
     ec_master_t* const master = program.master;

@@ -1,5 +1,5 @@
-// A scan before activation takes longer than 3 s: a call that has to ask a slave for its PDOs waits for it. No error
-// says "not mapped" of an entry for which the slave could not be asked. Ends with 0 when everything is as expected.
+// A scan before activation takes longer than 3 s. A call that needs the PDOs of a slave waits for the scan. When the
+// PDOs of a slave could not be read, no error says "not mapped". Ends with 0 when everything is as expected.
 #include "compat/ecrt/bus.hpp"
 
 #include <check.h>
@@ -16,7 +16,7 @@ constexpr std::uint32_t kVendor = 0x00004D47;
 constexpr std::uint32_t kDrive = 0x5402;
 constexpr auto kLong = std::chrono::milliseconds(4000);
 
-// A drive whose inputs are those of a PDO without a list of its entries.
+// A drive with a PDO for its inputs, but without a list of the entries of this PDO.
 ec_slave_config_t* configure(ec_master_t* master, std::uint16_t position) {
     ec_slave_config_t* const drive = ecrt_master_slave_config(master, 0, position, kVendor, kDrive);
     const bool assigned = drive != nullptr && ecrt_slave_config_pdo_assign_clear(drive, 3) == 0 &&
@@ -64,7 +64,7 @@ int run(ec_master_t* master) {
     CHECK(ecrt_slave_config_reg_pdo_entry(missing, 0x6041, 0, domain, nullptr) == -ENOENT);
     CHECK(ecrt_slave_config_reg_pdo_entry_pos(missing, 3, 0, 0, domain, nullptr) == -ENOENT);
     CHECK(ecrt_slave_config_pdo_mapping_clear(missing, 0x1A05) == -ENOENT);
-    // The entry is in a list of the program, and the size of its SyncManager is not known.
+    // The entry is in a list of the program, but the size of its SyncManager is not known.
     CHECK(ecrt_slave_config_pdo_assign_add(missing, 3, 0x1A01) == 0);
     CHECK(ecrt_slave_config_pdo_mapping_clear(missing, 0x1A01) == 0);
     CHECK(ecrt_slave_config_pdo_mapping_add(missing, 0x1A01, 0x6061, 0, 8) == 0);

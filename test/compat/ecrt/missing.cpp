@@ -1,6 +1,6 @@
-// The end of the line is cut off: the working counter of the domain is what the other slaves have counted, from the
-// first cycle on, although the master needs some cycles to find out which slaves are missing. Virtual time. Ends with 0
-// when everything is as expected.
+// The end of the line is disconnected. From the first cycle on, the working counter of the domain has the share of the
+// other slaves, although the master needs some cycles to find the missing slaves. Virtual time. Ends with 0 when
+// everything is as expected.
 #include "drives.hpp"
 #include "virtual_time.hpp"
 
@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint16_t kSlaves = 8;
 constexpr std::uint16_t kLeft = 6;
-constexpr unsigned kShare = 3;     // of a slave: outputs 2, inputs 1
+constexpr unsigned kShare = 3;     // of one slave: outputs 2, inputs 1
 constexpr unsigned kMost = 20000;  // cycles
 
 struct Program {
@@ -57,7 +57,7 @@ int run() {
     for (unsigned n = 0; n < 100; ++n) program.cycle();
     CHECK(program.is_complete());
 
-    // The loop settings of the DL control register, for a second: the port to the next slave.
+    // The loop settings of the DL control register close the port to the next slave for one second.
     std::array<std::byte, 2> closed{std::byte{0x03}, std::byte{0x0C}};
     program.close.command = DatagramCommand::apwr;
     program.close.adp = static_cast<std::uint16_t>(1 - kLeft);

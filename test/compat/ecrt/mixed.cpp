@@ -1,6 +1,6 @@
 // A C++ program that builds its configuration from classes, SyncManager by SyncManager, and addresses slaves by alias.
-// The slave with the alias 16 is the third one; the one with the alias 99 appears later, wherever it is. Ends with 0
-// when all of them exchange what was mapped.
+// The slave with the alias 16 is the third slave. The slave with the alias 99 appears later, at any position. Ends with
+// 0 when all slaves exchange the mapped data.
 #include <cycle.h>
 
 #include <ecrt.h>

@@ -1,5 +1,5 @@
-// A device gets another position because another one is connected before it. From then on it gets no outputs of its old
-// position. Virtual time shows each cycle. Ends with 0 when everything is as expected.
+// A device gets another position because another device is connected before it. From then on the device gets no outputs
+// of its old position. Virtual time shows each cycle. Ends with 0 when everything is as expected.
 #include "virtual_time.hpp"
 
 #include <margay/datagram.hpp>
@@ -70,7 +70,7 @@ struct Program {
         return nullptr;
     }
 
-    // What the device has at its outputs; -1: it does not say.
+    // The outputs of the device; -1: the device does not answer.
     int read_outputs() {
         look.command = DatagramCommand::fprd;
         look.adp = device() != nullptr ? device()->station_address.value : std::uint16_t{0};
@@ -91,7 +91,7 @@ int run() {
     for (unsigned n = 0; n < 50; ++n) program.cycle();
     CHECK(program.operational(0) && program.device() != nullptr && program.device()->ring_position == 3);
     CHECK(program.state.working_counter == 1);
-    // One of the last values: it gets the outputs of its configuration.
+    // The device has one of the last values, so it gets the outputs of its configuration.
     const int before = program.read_outputs();
     CHECK(before >= 0x80 && ((program.value - before) & 0x7F) < 10);
 
@@ -102,7 +102,7 @@ int run() {
     CHECK(program.state.wc_state == EC_WC_ZERO && program.state.working_counter == 0);
     const int after = program.read_outputs();
     CHECK(after >= 0 && (after == 0 || ((last - after) & 0x7F) < 5));
-    // Until the segment has started again.
+    // Cycles until the segment has started again.
     unsigned waited = 0;
     while (waited < kMost && !(program.operational(1) && program.state.wc_state == EC_WC_COMPLETE)) {
         program.cycle();

@@ -1,6 +1,7 @@
-// A slave whose PDOs cannot be had stays in PREOP, and the segment does not start again for it: nothing would change.
-// It answers no mail (there at activation, or late), or it does not have the PDO that the program assigns. The other
-// drive comes to OP once and stays there. Ends with 0 when everything is as expected.
+// A slave whose PDOs cannot be read stays in PREOP, and the segment does not start again for this slave, because a
+// restart would change nothing. The slave answers no mail (it is present at activation, or appears later), or it does
+// not have the PDO that the program assigns. The other drive reaches OP once and stays in OP. Ends with 0 when
+// everything is as expected.
 #include "drives.hpp"
 #include "virtual_time.hpp"
 
@@ -13,8 +14,8 @@ struct Program {
     ~Program() { ecrt_release_master(master); }
 };
 
-// `assigned`: a PDO for a SyncManager of the second drive; 0: nothing is named. `restarts`: how often the segment may
-// start again, because the slave is not asked before.
+// `assigned`: a PDO for a SyncManager of the second drive; 0: the program names no PDO. `restarts`: how often the
+// segment may start again, because the library does not read the PDOs of the slave before.
 int run(std::uint8_t sync, std::uint16_t assigned, bool late, unsigned restarts) {
     const Program program;
     ec_master_t* const master = program.master;

@@ -1,7 +1,7 @@
-// The process stops for a moment again and again while a program that has not activated the master reads objects, and
-// the line loses frames: then the master does not know whether the slaves are the same, and brings them to PREOP anew.
-// A transfer that is under way may fail. Those that begin meanwhile wait until their slave has passed INIT, and
-// succeed. Ends with 0 when everything is as expected.
+// The process stops for a moment repeatedly while a program that has not activated the master reads objects, and the
+// line loses frames. Then the master does not know whether the slaves are the same, and brings them to PREOP again. A
+// transfer in progress may fail. Transfers that begin meanwhile wait until their slave has passed INIT, and succeed.
+// Ends with 0 when everything is as expected.
 #include "compat/ecrt/bus.hpp"
 
 #include <check.h>
@@ -18,7 +18,7 @@ namespace {
 constexpr unsigned kPauses = 12;
 constexpr std::uint16_t kDrives = 3;
 
-// The thread that polls cannot do so while another one uses the context.
+// The polling thread cannot poll while another thread uses the context.
 class Pauses {
   public:
     explicit Pauses(margay::compat::ecrt::Bus& bus) : thread_([this, &bus] { pause(bus); }) {}
@@ -55,7 +55,7 @@ bool read(ec_sdo_request_t* object) {
 struct Counts {
     unsigned good = 0;
     unsigned bad = 0;
-    unsigned in_a_row = 0;  // of the bad ones at present
+    unsigned in_a_row = 0;  // current number of bad ones in succession
     unsigned most_in_a_row = 0;
     void add(bool result) {
         ++(result ? good : bad);
@@ -81,7 +81,7 @@ int run(ec_master_t* master) {
         }
     }
     std::printf("%u good, %u bad, %u in a row\n", all.good, all.bad, all.most_in_a_row);
-    CHECK(all.good > kPauses && all.bad <= kPauses);  // one is under way at each pause
+    CHECK(all.good > kPauses && all.bad <= kPauses);  // one transfer is in progress at each pause
     CHECK(all.most_in_a_row <= 2);
     return 0;
 }

@@ -1,5 +1,5 @@
-// Requests that begin in any cycle of the start-up succeed: none is ended by the way of its slave through INIT. Virtual
-// time, cycles of several lengths. Ends with 0 when everything is as expected.
+// Requests that begin in any cycle of the start-up succeed. The passage of their slave through INIT ends none of them.
+// Virtual time, cycles of several lengths. Ends with 0 when everything is as expected.
 #include "drives.hpp"
 #include "virtual_time.hpp"
 

@@ -1,6 +1,7 @@
-// The line is silent for a second while the segment starts up, from some cycle on. What is told of a slave is what was
-// read of it, or an error: never an empty record. Afterwards all drives come to OP, with SYNC signals too. When the
-// last drive is gone for good, the others do. Ends with 0 when everything is as expected.
+// The line is silent for one second while the segment starts up, from some cycle on. The information about a slave is
+// what was read of the slave, or an error, and never an empty record. Afterwards all drives reach OP, also with SYNC
+// signals. When the last drive is disconnected permanently, the other drives reach OP. Ends with 0 when everything is
+// as expected.
 #include "drives.hpp"
 #include "virtual_time.hpp"
 
@@ -20,8 +21,8 @@ struct Counts {
     unsigned empty = 0;
 };
 
-// What happens: the port of the first drive to the master is closed for a second, or the port to the last drive for
-// good. Frames that are lost while the clocks are synchronised lead to a scan.
+// The fault: the port of the first drive to the master is closed for one second, or the port to the last drive is
+// closed permanently. Frames that are lost while the clocks are synchronised lead to a scan.
 enum class Fault { silence, silence_with_clocks, drive_gone_with_clocks };
 
 int run(unsigned begin, Fault fault, Counts& counts) {

@@ -1,6 +1,6 @@
-// Every slave starts by itself: one that answers no mail delays no other slave, and many domains start together.
+// Each slave starts independently: a slave that answers no mail delays no other slave, and many domains start together.
 // Virtual time counts the cycles. Arguments: segment, number of drives, number of domains, position of the mute drive
-// or -1, the most cycles. Ends with 0 when everything is as expected.
+// or -1, the maximum number of cycles. Ends with 0 when everything is as expected.
 #include "drives.hpp"
 #include "virtual_time.hpp"
 
@@ -10,12 +10,12 @@
 
 namespace {
 
-constexpr std::uint32_t kVelocity = 4000;  // the download of a drive is this and its position
+constexpr std::uint32_t kVelocity = 4000;  // the value that a drive gets is this plus its position
 
 struct Program {
     std::size_t drives;
     std::size_t domain_count;
-    std::size_t mute;  // or `drives`: none
+    std::size_t mute;  // `drives`: none
     ec_master_t* master = ecrt_request_master(0);
     std::vector<ec_domain_t*> domains{};
     std::vector<ec_slave_config_t*> configs{};

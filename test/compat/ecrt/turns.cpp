@@ -1,6 +1,6 @@
-// Threads that read objects all the time, while another one activates the master, cycles, and deactivates it: each
-// transfer succeeds. The slaves are there all the time, and the states say so. Then a thread that resets the master.
-// Ends with 0 when everything is as expected.
+// Threads read objects continuously while another thread activates the master, cycles, and deactivates the master. Each
+// transfer succeeds. The slaves are always present, and the states show this. Then a thread resets the master. Ends
+// with 0 when everything is as expected.
 #include <check.h>
 #include <cycle.h>
 
@@ -66,7 +66,7 @@ int look(ec_master_t* master, ec_slave_config_t* config) {
     return 0;
 }
 
-// Cycles of 5 ms: the scan of the start-up takes longer than the states are kept.
+// Cycles of 5 ms: the scan of the start-up takes longer than the library keeps the states.
 int run(ec_master_t* master) {
     ec_domain_t* const domain = ecrt_master_create_domain(master);
     ec_slave_config_t* const config = ecrt_master_slave_config(master, 0, 1, kVendor, kDrive);
@@ -86,7 +86,7 @@ int run(ec_master_t* master) {
     return 0;
 }
 
-// A thread that resets the master all the time takes nothing away from activation and deactivation.
+// A thread that resets the master continuously does not disturb activation and deactivation.
 int run_beside_resets(ec_master_t* master) {
     std::atomic<bool> stop{false};
     std::thread other([&] {
@@ -127,7 +127,7 @@ int main() {
         CHECK(readers.good() > 20 && readers.bad() == 0);
     }
     CHECK(run_beside_resets(master) == 0);
-    // Without a cycle the call ends.
+    // The call ends also without cycles.
     CHECK(ecrt_master_activate(master) == 0);
     CHECK(read_vendor(master, 0) == -EIO);
     for (unsigned ms = 0; ms < 500; ++ms) {

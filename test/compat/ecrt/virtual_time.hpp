@@ -1,5 +1,5 @@
-// A segment in virtual time for programs that link the objects of the facade, in place of the segment that the
-// environment names. One source file of a program includes it.
+// A segment in virtual time for programs that link the objects of the facade. It replaces the segment that the
+// environment names. One source file of a program includes this file.
 #pragma once
 
 #include <check.h>
@@ -20,7 +20,8 @@ std::string segment;
 VirtualOsal* osal = nullptr;
 Time opened;
 
-// Ends the thread that polls until activation: it would move the time on. Then goes to a time after the opening.
+// Ends the thread that polls until activation, because this thread would advance the time. Then advances to a time
+// after the opening.
 [[maybe_unused]] void go_to(const ec_master_t& master, Duration after) {
     master.bus->stop_idle();
     if (osal->now() < opened + after) osal->advance(opened + after - osal->now());

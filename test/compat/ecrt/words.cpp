@@ -1,5 +1,6 @@
-// What ecrt programs read: no error names a function of the library, because these programs do not have it. And the
-// file that binds masters to segments: comments, blanks, aliases. And that a line which is cut ends in a mark.
+// The texts that users of ecrt programs read: no error names a function of the library, because these programs do not
+// use the library. The file that binds masters to segments: comments, blanks, aliases. A line that is cut ends with a
+// mark.
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/segment.hpp"
 
@@ -27,7 +28,7 @@ void must(bool condition, const std::string& what) {
     ++wrong;
 }
 
-// The names in front of "()" that do not begin with ecrt_.
+// True when a name before "()" does not begin with ecrt_.
 bool names_other_functions(const std::string& words) {
     for (auto at = words.find("()"); at != std::string::npos; at = words.find("()", at + 1)) {
         const auto name = words.find_last_of(" (", at - 1) + 1;
