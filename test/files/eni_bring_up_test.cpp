@@ -1,4 +1,4 @@
-// A scan, the ENI that is written of it, and bringing the same segment up by that ENI: the slaves have the same
+// The library scans a segment, writes its ENI, and brings the same segment up by this ENI: the slaves have the same
 // registers.
 #include "files/machine.hpp"
 
@@ -40,7 +40,7 @@ TEST(EniRoundTrip, TheSameRegisters) {
     expect_same(machine, kDevices);
 }
 
-// The configuration that a file makes has PDOs without types: they come from the SIIs again.
+// The configuration from a file has PDOs without types. The types come from the SIIs again.
 TEST(EniRoundTrip, TheTypesOfEntriesAndVariablesRemain) {
     Machine first(kDevices);
     ASSERT_TRUE(config_init(first.ctx));
@@ -98,7 +98,7 @@ TEST(EniRoundTrip, WithClocksStartUpCommandsAndPdos) {
     expect_same(machine, devices, 2ms);
 }
 
-// The time is carried by the cycle of the second group, or of the only one.
+// The cycle of the second group, or of the only group, carries the time.
 TEST(EniRoundTrip, TheTimeStaysInTheCycleOfItsGroup) {
     for (const bool two : {true, false}) {
         Machine machine({"coupler", "digital_io_16", "drive"}, {.groups = 2});
@@ -228,7 +228,7 @@ TEST(EniRoundTrip, EachVariableHasANameOfItsOwn) {
     EXPECT_EQ(eni->find(name + " 16")->bit, eni->find(name)->bit + 15);
 }
 
-// Such files have no init commands: their CoE commands select the PDOs before the library reads them.
+// Such files have no init commands. Their CoE commands select the PDOs before the library reads the PDOs.
 TEST(EniBringUp, PdosThatCoeCommandsSelectAreMapped) {
     std::string commands;
     for (const auto& [subindex, data] : {std::pair{"0", "00"}, std::pair{"1", "0116"}, std::pair{"0", "01"}})

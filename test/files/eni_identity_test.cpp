@@ -69,7 +69,8 @@ TEST(EniIdentity, TheSameRegistersWithHotConnectGroups) {
     ExpectedMachine first;
     first.map();
     const auto eni = first.eni();
-    // The groups hang where they hung, and at other places, where the devices of the line have other positions.
+    // The groups are connected at the same places, and at other places, where the devices of the line have other
+    // positions.
     const std::vector<std::string> moved{"coupler",       "digital_in_8",    "io#9",
                                          "digital_out_8", "digital_io_16@5", "drive"};
     for (const auto& devices : {kLine, moved}) {
@@ -94,7 +95,7 @@ TEST(EniIdentity, AGroupMayBeMissingAndComesLater) {
     const auto up = bring_up(second.ctx, *eni, second.image);
     ASSERT_TRUE(up) << words(up.error());
     EXPECT_EQ(second.ctx.slave(6).ring_position, 0);
-    // The counters of a file that is written now are those of its own slaves.
+    // The counters of a file that is written now are the counters of its own slaves.
     const Written without = write_eni(second.ctx);
     EXPECT_EQ(without.remarks, std::vector<std::string>{"slave 6 is missing and is left out"});
     const auto read = read_eni(without.text);
@@ -147,7 +148,7 @@ TEST(EniIdentity, AliasSerialNumberAndNewerRevisionOfTheLine) {
     EXPECT_EQ(up.error().slave, 2);
 }
 
-// Recognised by its alias at any place: the nearest that an ENI has is a group of one.
+// The alias identifies the slave at any place. The nearest element of an ENI is a group of one slave.
 TEST(EniIdentity, ASlaveAtAnyPlaceBecomesAGroup) {
     Machine first({"coupler", "digital_out_8@77", "digital_in_8"});
     const ExpectedSlave expected[] = {{.number = 1}, {.alias = std::uint16_t{77}}, {.number = 2, .optional = true}};
@@ -194,7 +195,7 @@ TEST(EniIdentity, WrongStationAddressesAreNamed) {
     }));
 }
 
-// ------------------------------------------------------------------ of files of others
+// ------------------------------------------------------------------ files of other tools
 
 std::string changed(const std::string& what, const std::string& by) {
     std::string text = kExampleEni;

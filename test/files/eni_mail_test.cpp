@@ -57,7 +57,7 @@ const std::string kAoeWrite =
     "04000000"
     "11223344";
 
-// The text with `what` behind the CoE commands of the first slave's mailbox.
+// The example, with `what` after the CoE commands of the mailbox of the first slave.
 std::string with_mail(const std::string& what) {
     std::string text = kExampleEni;
     const auto from = text.find("<EoE>");
@@ -221,7 +221,7 @@ TEST(EniMail, ASlaveGetsItsIpParametersAlsoWhenItComesBack) {
         EXPECT_EQ(ip.address, (Ipv4Address{192, 168, 0, 7})) << "PS";
     };
     expect_set();
-    // The device forgets its parameters without power.
+    // Without power, the device loses its parameters.
     machine.segment.set_power(2, false, machine.osal.now());
     bool lost = false;
     const auto seen = run_cycle(machine.ctx, {.period = 1ms}, [&](const CycleInfo& info) {
@@ -251,7 +251,7 @@ TEST(EniMail, ASlaveGetsItsNetIdAndItsAoeCommands) {
 }
 
 TEST(EniMail, ARefusedAoeCommandIsTheErrorOfItsSlave) {
-    // The device has no other NetID than that of the file, so that the command finds no device.
+    // The device has only the NetID of the file, so the command finds no device.
     for (const char* transition : {"IP", "PS"}) {
         const auto eni = read_eni(
             eni_of(kGateways, 3,
@@ -267,7 +267,7 @@ TEST(EniMail, ARefusedAoeCommandIsTheErrorOfItsSlave) {
 }
 
 TEST(EniMail, AnErrorOfASlaveIsTheErrorOfBringingItUp) {
-    // The drive speaks no EoE.
+    // The drive does not support EoE.
     for (const char* transition : {"IP", "PS"}) {
         const auto eni = read_eni(eni_of({"coupler", "drive"}, 2, eoe(command(transition, kIpWithHeader))));
         ASSERT_TRUE(eni) << to_text(eni.problem);

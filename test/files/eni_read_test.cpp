@@ -133,7 +133,7 @@ TEST(EniReader, AMaskOfAnotherSizeThanItsDataIsRefused) {
         }
 }
 
-// The first one would count, and no remark would name the second one.
+// Without the error, the first element would be used, and no remark would name the second element.
 TEST(EniReader, WhatIsThereTwiceIsRefused) {
     EXPECT_EQ(problem_with("</Config>", "</Config><Config/>"),
               "line 37, column 11: a second Config in EtherCATConfig: the first one is in line 2");
@@ -262,7 +262,7 @@ TEST(EniReader, ValuesThatMeanNothingAreNamed) {
     }
 }
 
-// Its counter says that the slave must answer.
+// The expected working counter of the command shows that the slave must answer.
 TEST(EniReader, AReadWithACounterIsACheck) {
     const auto startup = [](const std::string& counter) {
         std::string text = kExampleEni;
@@ -321,7 +321,7 @@ TEST(FieldFiles, AnEniThatItsVendorHasLockedIsRefused) {
     EXPECT_EQ(to_text(project.problem), "line 1, column 1: the file is compressed by gzip, and is no XML");
 }
 
-// The same file with another root and FMMUs that can be read: all the rest is as the tool wrote it.
+// The same file with another root and with readable FMMUs. Everything else is unchanged.
 TEST(FieldFiles, AllElseOfTheLockedEniIsRead) {
     if (std::string_view(MARGAY_XML_DIR).empty()) GTEST_SKIP() << "MARGAY_XML_DIR is not set";
     std::string text = read_file(std::string(MARGAY_XML_DIR) + "/eni/variox_eni.xml").octets;

@@ -1,4 +1,5 @@
-// What an ENI asks for and the library does not do: a remark with line and cause, and none where it has no effect.
+// Requests of an ENI that the library does not execute: a remark with line and cause, and no remark when it has no
+// effect.
 #include <margay/files/eni.hpp>
 
 #include "files/examples.hpp"
@@ -31,14 +32,14 @@ std::string with_inits(const std::string& more) {
 std::string with_master(const std::string& more) {
     return replaced(kExampleEni, "</InitCmds></Master>", more + "</InitCmds></Master>");
 }
-// The cyclic command that makes a file use clocks.
+// The cyclic command by which a file uses clocks.
 std::string with_clocks(const std::string& text) {
     return replaced(text, "</Frame></Cyclic>",
                     "<Cmd><State>OP</State><Cmd>14</Cmd><Adp>1001</Adp><Ado>2320</Ado><DataLength>8</DataLength></Cmd>"
                     "</Frame></Cyclic>");
 }
 
-// What is said of a file beyond what is said of the example.
+// The remarks about a file, without the remarks about the example.
 Texts more_said(const std::string& text) {
     const auto known = read_eni(kExampleEni);
     const auto eni = read_eni(text);
@@ -139,7 +140,7 @@ TEST(EniUnused, AStartTimeOfSyncAndTheSecondAddressAreNamed) {
     EXPECT_EQ(more_said(with_inits(init("PS", 0x0103, "00"))), Texts());
 }
 
-// SYNC signals of another step than PS are set at PS, unless the commands of PS say something else.
+// SYNC signals of another step than PS are set at PS, unless the commands of PS set something else.
 TEST(EniUnused, SyncSignalsOfAnotherStepAreUsedAndNamed) {
     const auto sync = [](const std::string& text) {
         const auto eni = read_eni(with_clocks(text));
@@ -266,7 +267,7 @@ TEST(EniUnused, BitStartsOfACommandWithoutAnOffsetAreComparedWithEachOther) {
         << eni.remarks[0].text;
 }
 
-// Elements that are not used: nonsense in them says that something is wrong with the file.
+// Elements that are not used. Nonsense in them shows that the file has a fault.
 TEST(EniUnused, NonsenseInElementsThatAreNotUsedIsNamed) {
     EXPECT_EQ(more_said(replaced(kExampleEni, "<ByteSize>1536</ByteSize>", "<ByteSize>abc</ByteSize>")),
               Texts{"line 34, column 24: ByteSize is 'abc', which is no number from 0 to 4294967295: it is not used"});
@@ -310,7 +311,7 @@ TEST(EniUnused, NonsenseInWordsThatAreNotUsedIsNamed) {
               "EtherType is 'a480', which is not the type of EtherCAT, a488: it is not used");
 }
 
-// The process data stand twice in a file: as elements for people and tools, and as the init commands that are sent.
+// A file contains the process data twice: as elements for people and tools, and as init commands.
 TEST(EniUnused, ProcessDataThatTheFileContradictsAreNamed) {
     const Texts start = more_said(replaced(kExampleEni, "<Sm2><Pdo>", "<Sm2><StartAddress>1</StartAddress><Pdo>"));
     ASSERT_EQ(start.size(), 1U);
@@ -355,7 +356,8 @@ TEST(EniUnused, ACoeCommandThatIsNoDownloadIsNamed) {
         << "as some producers write it";
 }
 
-// What is written says where the data of a cyclic command is in the image, as tools and other masters need it.
+// The written file contains the place of the data of a cyclic command in the image, because tools and other masters
+// need it.
 TEST(EniUnused, TheWriterSaysWhereTheDataOfACommandIs) {
     for (const bool overlapped : {false, true}) {
         Machine machine({"digital_out_8", "digital_in_8", "digital_out_8"});
@@ -448,7 +450,7 @@ TEST(EniUnused, MailboxesThatDifferFromTheSiiAreNamedAfterTheScan) {
     EXPECT_EQ(same->slaves[1].mailbox.out_bytes, own.out_bytes);
     EXPECT_TRUE(remarks_after_scan(machine.ctx, *same).empty());
 
-    // A user of the tool has chosen a smaller mailbox: there, and in the command that the tool makes of it.
+    // A user of the tool has chosen a smaller mailbox, in the element and in the command that the tool makes from it.
     const auto octets = [](std::uint16_t value) {
         return hex(static_cast<std::uint16_t>(value << 8 | value >> 8)).substr(2);
     };

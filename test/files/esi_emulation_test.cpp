@@ -36,7 +36,7 @@ std::uint32_t product_of(Context& ctx) {
     return read ? *read : 0;
 }
 
-// To OP and back, with what a master asks on the way, twice.
+// Brings the device to OP and back, twice, with the requests of a master.
 void expect_works(Machine& machine, std::uint32_t product) {
     Context& ctx = machine.ctx;
     for (int round = 0; round < 2; ++round) {
@@ -77,7 +77,7 @@ TEST(EsiEmulation, ADeviceWithAMailboxReachesOpAndServesIt) {
     expect_works(machine, 0x1234);
 }
 
-// The chip shows every state at once; outputs of a watchdog that has expired are not applied.
+// The chip shows every state at once. After its watchdog has expired, outputs are not applied.
 TEST(EsiEmulation, OutputsEndWithTheirWatchdog) {
     Machine machine;
     machine.connect(device_of(emulated_drive()));

@@ -152,7 +152,7 @@ TEST(EsiModules, WithoutAChoiceASlotHasAsManyModulesAsItDemands) {
               (Idents{0, 0x104, 0x104}));
 }
 
-// The PDOs of the modules name no SyncManager; those of the device have names of their own, or there is none.
+// The PDOs of the modules name no SyncManager. The SyncManagers of the device have other names, or are missing.
 TEST(EsiModules, PdosWithoutSyncManagerHaveTheUsualOneOrAreAnError) {
     std::string text(kCoupler);
     const auto replace = [&](std::string_view from, std::string_view to) {

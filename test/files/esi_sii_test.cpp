@@ -1,4 +1,4 @@
-// The SII image of a device of an ESI: against the reader of SIIs, and against images of the same devices.
+// The SII image of a device of an ESI, compared with the reader of SIIs and with images of the same devices.
 #include <margay/files/esi.hpp>
 
 #include "files/examples.hpp"
@@ -146,8 +146,8 @@ TEST(EsiSii, WhatAnSiiCannotSayIsNamed) {
                                   "CycleTimeSync1 of the operation mode 'DC' is 500 ns: the SII has its factor only"}));
 }
 
-// Images that a tool of others made of the same files. The tool could not read the vendor's id and took 0; the SM types
-// and the second DC mode of its images are wrong, too.
+// Images that another tool made from the same files. The tool could not read the id of the vendor and used 0. The SM
+// types and the second DC mode of its images are wrong, too.
 class FieldEsi : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(FieldEsi, GivesTheImageThatBelongsToIt) {

@@ -96,7 +96,7 @@ TEST(EsiReader, AWrongValueIsNamedByLineAndCause) {
               "line 3, column 12: Id is '99999999999999999999', which is no number of 64 bits");
 }
 
-// A text of the file in a message: cut between two characters, and without what a terminal obeys.
+// A text of the file in a message: it is cut between two characters, and has no control characters for a terminal.
 TEST(EsiReader, AQuotedTextIsWholeAndHarmless) {
     const auto quoted = [](const std::string& text) {
         const auto said = problem("<BitLen>16</BitLen>", "<BitLen>" + text + "</BitLen>");
@@ -153,7 +153,7 @@ TEST(EsiReader, NumbersThatTheDeviceDoesNotHaveAreNamed) {
         << to_text(no_size.remarks.back());
 }
 
-// A number by the schema; files from the field also have a boolean.
+// The schema has a number. Files from the field also have a boolean.
 TEST(EsiReader, ASyncManagerIsEnabledByANumberOrAWord) {
     for (const auto& [text, enabled] : {std::pair{"#x1", true}, std::pair{"true", true}, std::pair{"FALSE", false}}) {
         std::string esi(kExampleEsi);
@@ -261,7 +261,7 @@ TEST(EsiReader, AnXmlDeclarationIsRight) {
     EXPECT_EQ(first("\xEF\xBB\xBF\xEF\xBB\xBF"), "line 1, column 1: no well-formed XML: a second byte order mark");
 }
 
-// Few octets that stand for many subindices: each object of a type has them all.
+// Few octets describe many subindices: each object of a type has all of them.
 TEST(EsiReader, AFileThatGrowsWithoutBoundIsRefused) {
     std::string text =
         "<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices><Device><Type>a</Type><Profile>"

@@ -58,7 +58,7 @@ void expect_same_device(const EsiDevice& a, const EsiDevice& b) {
     EXPECT_EQ(a.mailbox.has_value(), b.mailbox.has_value());
     if (a.mailbox && b.mailbox) {
         EXPECT_EQ(a.mailbox->protocols, b.mailbox->protocols);
-        // That there is CoE at all says that there are SDOs.
+        // A device with CoE always has SDOs.
         EXPECT_EQ(a.mailbox->coe_details | coe_detail::kSdo, b.mailbox->coe_details | coe_detail::kSdo);
         EXPECT_EQ(a.mailbox->ds402_channels, b.mailbox->ds402_channels);
     }
@@ -133,7 +133,7 @@ TEST(EsiWriter, WhatIsLeftOutIsNamed) {
                                   "the references to further files (InfoReference) are left out"}));
 }
 
-// Names come from slaves: XML 1.0 has no character below U+0020 but blanks, and neither U+FFFE nor U+FFFF.
+// Names come from slaves. XML 1.0 has no characters below U+0020 except blanks, and not U+FFFE or U+FFFF.
 TEST(EsiWriter, NamesHaveCharactersOfXmlOnly) {
     auto esi = read_esi(kExampleEsi);
     ASSERT_TRUE(esi);
@@ -224,7 +224,7 @@ INSTANTIATE_TEST_SUITE_P(Devices, RealSii,
                          ::testing::Values("akd.bin", "ek1100.bin", "el2004.bin", "el2262.bin", "el2828.bin",
                                            "el2889.bin"));
 
-// What an SII says comes back: the image of the ESI of each ready-made device is the image of the device.
+// The content of an SII is preserved: the image from the ESI of each ready-made device is the image of the device.
 TEST(EsiWriter, TheSiiOfEachDeviceSurvivesTheWayThroughAnEsi) {
     for (const std::string_view name : sim::device_names()) {
         const auto model = sim::make_device(name);

@@ -16,7 +16,7 @@
 namespace margay::files {
 namespace {
 
-// Ends the wait of a reader that opens the FIFO, so that a fault is a text that is wrong and not a test that hangs.
+// Ends the wait of a reader that opens the FIFO. So a fault gives a wrong text, and the test does not hang.
 class Waker {
   public:
     explicit Waker(const std::string& fifo)
@@ -48,7 +48,7 @@ TEST(ReadFile, AFifoAndALinkToItAreNoFiles) {
     std::filesystem::create_symlink(link, far);
     const Waker waker(fifo);
     for (const auto& path : {fifo, link, far}) EXPECT_EQ(read_file(path).error, path + ": is no file");
-    // Of all names below /dev only the names of open descriptors may lead to a pipe.
+    // Of all names below /dev, only the names of open descriptors may be names of a pipe.
     const auto shared = "/dev/shm/margay-fifo-" + std::to_string(::getpid());
     std::error_code error;
     std::filesystem::create_symlink(fifo, shared, error);

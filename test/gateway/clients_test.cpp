@@ -1,4 +1,4 @@
-// MailboxGateway with many, slow, flooding, malformed and vanishing clients: nothing of it reaches the cycle, and the
+// MailboxGateway with many, slow, flooding, malformed and vanishing clients. They do not disturb the cycle, and the
 // other clients get their replies.
 #include "gateway/gateway_bench.hpp"
 #include "gateway/sockets.hpp"
@@ -13,7 +13,7 @@ namespace {
 class GatewayClients : public GatewayTest {
   protected:
     static bool good(GatewayClient& client) { return upload(client, kOdd, 0x1018, 1).size() == 4; }
-    // Until there is a place for a new client, which gets an answer.
+    // Waits until there is a place for a new client, and the client gets an answer.
     bool served() {
         for (;;) {
             GatewayClient client(gateway->port(), Over::tcp);
@@ -59,7 +59,7 @@ TEST_F(GatewayClients, SegmentedTransfersOfSeveralClientsAreKeptApart) {
     EXPECT_EQ(right, 30);
 }
 
-// A client that lets one slave work all the time does not keep the others from it.
+// A client that keeps one slave busy does not prevent other clients from using this slave.
 TEST_F(GatewayClients, EachClientHasItsTurn) {
     serve({.waiting = 64});
     std::atomic<bool> done{false};
@@ -123,7 +123,7 @@ TEST_F(GatewayClients, FramesInPiecesOverTcp) {
                       EXPECT_TRUE(good(steady));
                   }
                   EXPECT_EQ(slow.receive().value_or(Message{}).counter, 4U);
-                  // A half frame, and the client is gone.
+                  // The client sends a part of a frame and disconnects.
                   ASSERT_TRUE(slow.send_octets(std::span(message).first(9)));
                   slow.close();
                   EXPECT_TRUE(good(steady));
@@ -132,7 +132,7 @@ TEST_F(GatewayClients, FramesInPiecesOverTcp) {
 }
 
 TEST_F(GatewayClients, RandomOctetsHaveNoEffect) {
-    serve({.read_only = true});  // what is random and valid must not write
+    serve({.read_only = true});  // a valid random message must not write
     EXPECT_EQ(run({[&] {
                   std::minstd_rand numbers(7);
                   for (int n = 0; n < 150; ++n) {
@@ -143,7 +143,7 @@ TEST_F(GatewayClients, RandomOctetsHaveNoEffect) {
                           (void)client.send_octets(noise);
                           continue;
                       }
-                      // A right frame of noise, to a slave that is there.
+                      // A valid frame with random data, to a slave that is present.
                       auto message =
                           frame(static_cast<std::uint16_t>(0x1000 + numbers() % 8), numbers() % 16, 1, noise);
                       (void)client.send_octets(message);
@@ -156,7 +156,7 @@ TEST_F(GatewayClients, RandomOctetsHaveNoEffect) {
 TEST_F(GatewayClients, AClientThatFloodsAndDoesNotReadWaitsForItself) {
     EXPECT_EQ(run({[&] {
                   GatewayClient flood(gateway->port(), Over::tcp);
-                  // Buffers of the system that are full soon.
+                  // Small buffers of the system are full soon.
                   const int small = 4096;
                   (void)::setsockopt(flood.fd(), SOL_SOCKET, SO_RCVBUF, &small, sizeof small);
                   (void)::setsockopt(flood.fd(), SOL_SOCKET, SO_SNDBUF, &small, sizeof small);
@@ -211,7 +211,8 @@ TEST_F(GatewayClients, MoreConnectionsThanPlacesAreClosed) {
               0);
 }
 
-// One octet now and then does not keep a place: the whole frame has 10 s. With times of the test.
+// A client that sends one octet now and then loses its place: the whole frame must arrive within 10 s. With times of
+// the test.
 TEST(GatewayConnections, AFrameThatNeverEndsAndRepliesThatNobodyReadsAreStalled) {
     std::array<int, 2> ends{};
     ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, ends.data()), 0);
@@ -234,7 +235,7 @@ TEST(GatewayConnections, AFrameThatNeverEndsAndRepliesThatNobodyReadsAreStalled)
     EXPECT_FALSE(client.is_stalled(now, false)) << "the frames wait for the gateway";
     client.drop(client.received().size());
     EXPECT_FALSE(client.is_stalled(now, true));
-    // The next frame begins behind the one that was taken out.
+    // The next frame begins after the frame that was removed.
     trickle(octets({1, 2, 3}));
     now += 9s;
     client.drop(1);
@@ -250,7 +251,7 @@ TEST(GatewayConnections, AFrameThatNeverEndsAndRepliesThatNobodyReadsAreStalled)
     ::close(ends[0]);
 }
 
-// A client that asks much and reads an octet now and then gives way, and one that reads all of it does not.
+// A client that sends many requests and reads few octets is disconnected. A client that reads all replies is not.
 TEST(GatewayConnections, ASlowReaderIsStalled) {
     for (const bool slow : {true, false}) {
         std::array<int, 2> ends{};

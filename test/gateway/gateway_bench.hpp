@@ -1,5 +1,5 @@
-// A master with a cycle on a simulated segment, and a mailbox gateway. The owner's thread never waits for a client;
-// what it writes comes back as inputs, and each cycle is checked.
+// A master with a cycle on a simulated segment, and a mailbox gateway. The thread of the owner never waits for a
+// client. The outputs come back as inputs, and each cycle is checked.
 #pragma once
 
 #include "gateway/gateway_client.hpp"

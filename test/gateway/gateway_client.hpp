@@ -54,7 +54,7 @@ struct Message {
     unsigned counter = 0;
     unsigned priority = 0;
     Octets data{};
-    // Of a mailbox error reply.
+    // The code of a mailbox error reply.
     [[nodiscard]] unsigned error() const {
         return type == kErr && data.size() == 4 && number(data, 0, 2) == 1 ? number(data, 2, 2) : 0;
     }
@@ -114,7 +114,7 @@ class GatewayClient {
     [[nodiscard]] bool connected() const { return connected_; }
     [[nodiscard]] int fd() const { return fd_; }
 
-    // Any octets. False: the gateway is gone or takes no more in.
+    // Sends any octets. False: the gateway has disconnected, or accepts no more octets.
     bool send_octets(std::span<const std::byte> from, int flags = 0) {
         return ::send(fd_, from.data(), from.size(), MSG_NOSIGNAL | flags) == static_cast<ssize_t>(from.size());
     }
@@ -123,7 +123,7 @@ class GatewayClient {
         if (recorded_) Traffic::add(udp_, true, out);
         (void)send_octets(out);
     }
-    // nullopt: nothing came in time, or the connection has ended, or what came is no frame.
+    // nullopt: nothing arrived in time, the connection has ended, or the received octets are no frame.
     std::optional<Message> receive() {
         Octets in(4096);
         std::size_t got = 0;
@@ -210,7 +210,7 @@ inline Octets upload(GatewayClient& client, std::uint16_t address, unsigned inde
     return value;
 }
 
-// True: the slave has confirmed all of it. `room`: octets of data in a message.
+// True: the slave has confirmed the whole value. `room`: octets of data in a message.
 inline bool download(GatewayClient& client, std::uint16_t address, unsigned index, unsigned subindex,
                      const Octets& value, std::size_t room) {
     std::size_t sent = std::min(value.size(), room - 10);

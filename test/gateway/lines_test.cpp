@@ -1,5 +1,5 @@
-// MailboxGateway over lines that lose frames, to slaves that do not answer, and files in BOOT. In virtual time; the
-// test sees the messages as the slave gets them.
+// MailboxGateway over lines that lose frames, to slaves that do not answer, and files in BOOT. In virtual time. The
+// test reads the messages that the slave gets.
 #include "gateway/gateway_client.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
@@ -64,12 +64,12 @@ TEST_F(GatewayLines, ASlaveThatDoesNotAnswerIsAnErrorAfterTheTimeout) {
         (void)client.ask(0x1002, kCoe, sdo(0x40, 0x1000, 0));  // into the mailbox, where it stays
         EXPECT_EQ(client.ask(0x1002, kCoe, sdo(0x40, 0x1000, 0)).error(), 9U);
     });
-    // The message is that of the client, with a counter of the master's.
+    // The message is the message of the client, with a counter of the master.
     ASSERT_FALSE(silent.received.empty());
     EXPECT_EQ(silent.received[0], mail_bytes({10, 0, 0, 0, 0, 0x13, 0x00, 0x20, 0x40, 0x00, 0x10, 0, 0, 0, 0, 0}));
 }
 
-// The first slave answers when the second one has got its message.
+// The first slave answers after the second slave has got its message.
 TEST_F(GatewayLines, TheMessagesOfOneClientWorkOnSeveralSlavesAtOnce) {
     ScriptedSlave& first = bus.add_scripted(64);
     ScriptedSlave& second = bus.add_scripted(64);
@@ -93,7 +93,7 @@ TEST_F(GatewayLines, TheMessagesOfOneClientWorkOnSeveralSlavesAtOnce) {
     });
 }
 
-// What the slave sends meanwhile is no answer: an emergency, the answer to an older message, an answer of another kind.
+// Other messages of the slave are no answer: an emergency, the answer to an older message, an answer of another kind.
 TEST_F(GatewayLines, OnlyTheAnswerIsTheAnswer) {
     ScriptedSlave& slave = bus.add_scripted(64);
     slave.on_mail = [&](const Mail&) {
@@ -113,7 +113,7 @@ TEST_F(GatewayLines, OnlyTheAnswerIsTheAnswer) {
     EXPECT_NE(emergencies(*bus.ctx, 1).take(), std::nullopt) << "the application gets it";
 }
 
-// A mailbox error of the slave comes with its code, to the client that asked.
+// A mailbox error of the slave is sent with its code to the client that sent the request.
 TEST_F(GatewayLines, AnErrorReplyOfTheSlaveIsPassedOn) {
     ScriptedSlave& slave = bus.add_scripted(64);
     slave.on_mail = [&](const Mail&) { slave.reply(mail_bytes({1, 0, 3, 0}), MailboxType::error); };
@@ -126,7 +126,7 @@ TEST_F(GatewayLines, AnErrorReplyOfTheSlaveIsPassedOn) {
     });
 }
 
-// One client is in the middle of a segmented transfer and says nothing: another one waits for a bounded time.
+// One client stops in the middle of a segmented transfer. Another client waits for a bounded time.
 TEST_F(GatewayLines, AConversationThatStopsDoesNotKeepOthersAway) {
     bus.add_device(sim::make_device("odd_device").value());
     bus.start();

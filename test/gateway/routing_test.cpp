@@ -9,7 +9,7 @@ namespace {
 
 class Routing : public GatewayTest, public testing::WithParamInterface<Over> {
   protected:
-    // One client in a thread of its own; no cycle may be wrong meanwhile.
+    // Executes a client in a thread of its own. No cycle may be wrong meanwhile.
     void with_client(const std::function<void(GatewayClient&)>& work) {
         EXPECT_EQ(run({[&] {
                       GatewayClient client(gateway->port(), GetParam());

@@ -110,7 +110,7 @@ TEST_F(CaptureFileTest, EveryCutOfAFileIsRefusedOrShorter) {
     }
 }
 
-// The file of a recorder that was killed: its whole packets can be read with CutOff::accept.
+// The file of a recorder that was killed: its complete packets can be read with CutOff::accept.
 TEST_F(CaptureFileTest, AFileCutOffAtItsEndGivesItsWholePacketsWhereThatIsAskedFor) {
     const auto frame = ethercat_frame();
     const auto one = pcap_packet(0, 0, frame);
@@ -128,7 +128,7 @@ TEST_F(CaptureFileTest, AFileCutOffAtItsEndGivesItsWholePacketsWhereThatIsAskedF
     EXPECT_FALSE(capture.load(folder.write("none.pcap", whole.substr(0, 30)), CaptureFile::CutOff::accept).ok());
 }
 
-// Linux "any" beside Ethernet interfaces: the file can be replayed, and says what is missing.
+// Linux "any" beside Ethernet interfaces: the file can be replayed, and a message names the interface that is left out.
 TEST_F(CaptureFileTest, NamesInterfacesThatAreLeftOut) {
     const auto frame = ethercat_frame();
     const auto cooked = pcapng_block(1, word16(113) + word16(0) + word32(0));

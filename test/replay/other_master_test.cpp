@@ -98,8 +98,8 @@ std::map<std::uint16_t, std::uint32_t> mapping_of(const Written& slave) {
     return found;
 }
 
-// Records what returns of our frames. When `recording` is set, the recording answers. ethercrab writes outputs by LRW,
-// which counts two for each slave with outputs. Our master uses LWR there, which counts one.
+// Records the frames that come back. When `recording` is set, the recording answers. ethercrab writes outputs by LRW,
+// which counts two for each slave with outputs. Our master uses LWR for them, which counts one.
 class Listener final : public FilterNic {
   public:
     using FilterNic::FilterNic;

@@ -171,7 +171,7 @@ TEST_F(PcapngReading, LeavesOutWhatIsNotEthernet) {
               "interface 2 (link type 802.11 plus radiotap header, 1 packet)");
 }
 
-// Its clock is not set yet: that is no damage of the Ethernet packets.
+// The clock of the interface that is left out is not set yet. This is no damage of the Ethernet packets.
 TEST_F(PcapngReading, TheClockOfAnInterfaceThatIsLeftOutMayBeFarAway) {
     constexpr std::uint64_t kToday = 1'790'000'000'000'000;
     Section s;
