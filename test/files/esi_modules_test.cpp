@@ -152,7 +152,8 @@ TEST(EsiModules, WithoutAChoiceASlotHasAsManyModulesAsItDemands) {
               (Idents{0, 0x104, 0x104}));
 }
 
-// The PDOs of the modules name no SyncManager. The SyncManagers of the device have other names, or are missing.
+// The PDOs of the modules name no SyncManager. The SyncManagers of the device have names of their own. Then the
+// SyncManager of the inputs is missing.
 TEST(EsiModules, PdosWithoutSyncManagerHaveTheUsualOneOrAreAnError) {
     std::string text(kCoupler);
     const auto replace = [&](std::string_view from, std::string_view to) {

@@ -251,7 +251,7 @@ TEST(GatewayConnections, AFrameThatNeverEndsAndRepliesThatNobodyReadsAreStalled)
     ::close(ends[0]);
 }
 
-// A client that sends many requests and reads few octets is disconnected. A client that reads all replies is not.
+// A client that sends many requests and reads few octets is stalled. A client that reads all replies is not stalled.
 TEST(GatewayConnections, ASlowReaderIsStalled) {
     for (const bool slow : {true, false}) {
         std::array<int, 2> ends{};
