@@ -149,7 +149,8 @@ class Judge {
                             *state.behind),
                 "topology");
         if (state.unconnected)
-            add(Severity::fault, "The ring is not closed: no slave has a link to the second interface.", "topology");
+            add(Severity::fault, "The ring is not closed: no slave has a link to the NIC at the end of the ring.",
+                "topology");
     }
 
     void processing() {
