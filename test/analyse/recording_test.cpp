@@ -408,7 +408,7 @@ TEST_F(AnalyseFile, ARingOfTapsWhoseIndexComesAnewInEachCycle) {
     expect_ring_of_taps(analyse_file(pcapng(packets)), 450);
     // Without interfaces, a copy that passes the tap again looks like a frame with the same index.
     EXPECT_NE(analyse_file(pcap(packets))
-                  .remark.find("where an index comes anew so soon, they are frames that are missing here"),
+                  .remark.find("if the master uses an index again so soon, they are frames that are missing here"),
               std::string::npos);
 }
 
