@@ -48,7 +48,7 @@ class BootloaderTest : public testing::Test {
         }
         return opcode;
     }
-    // True when the slave acknowledged the whole file.
+    // Returns true if the slave acknowledged the whole file.
     bool write(const std::vector<std::byte>& file, std::uint32_t password = Bootloader::kPassword,
                std::string_view file_name = "firmware", std::size_t stop_after = SIZE_MAX) {
         std::vector<std::byte> reply;
@@ -89,7 +89,7 @@ TEST_F(BootloaderTest, NewFirmwareRunsAfterBoot) {
     EXPECT_EQ(version(), "2.17");
 }
 
-// The master has offered the EEPROM to the PDI, as it does before PREOP.
+// The test offers the EEPROM to the PDI, as a master does before PREOP.
 TEST_F(BootloaderTest, TheRevisionOfTheNewFirmwareIsInTheSiiAndInTheDictionary) {
     (void)hand.rig.write(0, wire::reg::kSiiConfig.address, {std::byte{1}});
     ASSERT_EQ(hand.to(AlState::boot).state, AlState::boot);

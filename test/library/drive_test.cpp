@@ -1,5 +1,4 @@
-// The drive, used as a master would use it: control word, set points, status word, faults. Bits and codes: IEC
-// 61800-7-201.
+// The drive, used as a master uses it: control word, set points, status word, faults. Bits and codes: IEC 61800-7-201.
 #include "hand.hpp"
 
 #include "sim/library/drive.hpp"
@@ -73,11 +72,11 @@ TEST_F(DriveTest, StateMachineStepByStep) {
     command(0x07);  // transition 5
     EXPECT_EQ(state(), 0x23u);
     command(0x0F);
-    command(0x06);  // 8
+    command(0x06);  // transition 8
     EXPECT_EQ(state(), 0x21u);
     command(0x07);
     command(0x0F);
-    command(0x00);  // 9
+    command(0x00);  // transition 9
     EXPECT_EQ(status() & 0x4F, 0x40u);
 }
 
@@ -85,7 +84,7 @@ TEST_F(DriveTest, FollowsPositionsInCsp) {
     enable(8);
     const auto from = position();
     double worst = 0;
-    // Two turns in a second along half a cosine wave, with a set point per millisecond.
+    // Two turns in a second along half a cosine wave, with a set point each millisecond.
     for (int ms = 0; ms <= 1000; ++ms) {
         const double way = 2.0 * kTurn * (1 - std::cos(3.14159265358979 * ms / 1000)) / 2;
         target(from + static_cast<std::int32_t>(way));
@@ -302,7 +301,7 @@ TEST_F(DriveTest, InjectedFaultAndReset) {
     enable(9);
     speed(10 * kTurn);
     hand.cycle(200);
-    hand.download(0x2F00, 1, 0x4210, 2);  // motor too hot
+    hand.download(0x2F00, 1, 0x4210, 2);  // device temperature
     hand.cycle(2);
     EXPECT_EQ(error_code(), 0x4210u);
     hand.cycle(100);
@@ -359,7 +358,7 @@ TEST_F(DriveTest, UndervoltageAndOverload) {
     hand.download(0x2F00, 4, 100'000, 4);
     hand.cycle(10);
     EXPECT_EQ(error_code(), 0x3220u);
-    EXPECT_EQ(status() & 0x10, 0u);  // no voltage
+    EXPECT_EQ(status() & 0x10, 0u);  // bit "voltage enabled"
     hand.download(0x2F00, 4, 325'000, 4);
     command(0x00);
     command(0x80);

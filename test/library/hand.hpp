@@ -41,7 +41,8 @@ class Hand {
     void cycle(unsigned n = 1);
     void wait(Duration how_long);
 
-    // Mailbox messages without header. The type of the reply must equal the type of the request.
+    // Mailbox messages; `data` is without the mailbox header. exchange() returns the first reply of the same type, and
+    // no emergency.
     bool put(wire::MailboxType type, std::vector<std::byte> data);
     struct Mail {
         wire::MailboxHeader header;
@@ -50,7 +51,7 @@ class Hand {
     std::optional<Mail> take(Duration patience = 1s);
     std::vector<std::byte> exchange(wire::MailboxType type, std::vector<std::byte> data);
 
-    // SDO transfers with the size of one message, and segmented uploads.
+    // Uploads of any size, and expedited downloads (`bytes` up to 4).
     std::vector<std::byte> upload(unsigned index, unsigned subindex = 0, bool complete = false);
     std::int64_t number(unsigned index, unsigned subindex = 0);  // sign-extended from its length
     void download(unsigned index, unsigned subindex, std::int64_t value, std::size_t bytes);

@@ -1,5 +1,5 @@
 // A master that writes any value to any register. The simulation must continue, and its work for a second of simulated
-// time must stay below a bound that does not depend on registers and objects. The test counts work, not time.
+// time must stay below a bound that does not depend on the registers. The test counts work, not time.
 #include "hand.hpp"
 
 #include "wire/esc.hpp"
@@ -55,7 +55,7 @@ TEST(HostileMaster, JumpsOfTheClockAreBounded) {
     }
 }
 
-// For example watchdogs of 80 ns, and drives with a homing or interpolation time of zero.
+// For example watchdogs of 80 ns.
 TEST(HostileMaster, AnyRegisterMayHaveAnyValue) {
     constexpr std::uint16_t kTargets[] = {0x0100, 0x0101, 0x0103, 0x0120, 0x0200, 0x0204, 0x0400, 0x0410, 0x0420,
                                           0x0500, 0x0502, 0x0504, 0x0510, 0x0600, 0x0610, 0x0800, 0x0808, 0x0810,

@@ -48,7 +48,7 @@ TEST(DigitalIo, OutputsFallWhenOpIsLeft) {
     hand.cycle(2);
     ASSERT_EQ(hand.number(0x7000, 5), 1);
     ASSERT_EQ(hand.ask(AlState::safeop).state, AlState::safeop);
-    hand.cycle(3);  // still 0xFFFF: outputs are read but not applied
+    hand.cycle(3);  // the master still writes 0xFFFF; the device does not apply it
     EXPECT_EQ(hand.number(0x7000, 5), 0);
 }
 
@@ -142,7 +142,7 @@ TEST_F(EncoderTest, LongTurningLosesNothing) {
     hand.keep_cycling = false;
     hand.rig.now += std::chrono::minutes(5);  // meanwhile the watchdog changes OP to SAFEOP
     hand.cycle(3);
-    // 5 minutes, plus 3 ms minus the time that the last two cycles have already counted.
+    // 5 minutes, and about 3 ms of the cycles.
     const std::uint64_t turned = 300u * 100'000'003ull;
     const auto counted = counter() - start;
     EXPECT_NEAR(static_cast<double>(static_cast<std::uint32_t>(counted - static_cast<std::uint32_t>(turned))), 300'000,
@@ -193,7 +193,7 @@ TEST_F(EncoderTest, LatchInputTellsThePositionAtTheEdge) {
     hand.rig.segment.reconsider();
     hand.cycle(2);
     ASSERT_EQ(flags() & 0x02, 0x02);
-    // The inputs of a cycle come from the millisecond before.
+    // The inputs that a cycle reads are one millisecond old.
     EXPECT_GT(latched(), before);
     EXPECT_LT(latched() - before, 1000u + 500u);
     const auto first = latched();

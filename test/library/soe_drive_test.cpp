@@ -1,5 +1,4 @@
-// The SoE drive, used as a master would use it: parameters, control and status words, procedure commands. IEC
-// 61800-7-204.
+// The SoE drive, used as a master uses it: parameters, control and status words, procedure commands. IEC 61800-7-204.
 #include "hand.hpp"
 
 #include "wire/soe.hpp"
@@ -84,7 +83,7 @@ class SoeDriveTest : public testing::Test {
         return mail ? mail->data : Octets{};
     }
     soe::ErrorCode last{};
-    std::vector<Octets> told;  // notifications
+    std::vector<Octets> told;  // notifications and emergencies
 };
 
 TEST_F(SoeDriveTest, TellsWhatItIs) {
@@ -122,8 +121,8 @@ TEST_F(SoeDriveTest, FollowsPositionsOnBothAxes) {
     EXPECT_EQ(write(0, 47, octets({1, 0, 0, 0})), soe::ErrorCode::value_cyclic);
     EXPECT_EQ(write(0, 16, octets({0, 0, 0, 0})), soe::ErrorCode::value_protected);
     EXPECT_EQ(message(0), "torque on");
-    // Halt stops with a ramp, and clearing it continues the movement. Without the enable bit the axis is without
-    // torque at once.
+    // Halt (bit 13 is 0) stops the axis with a ramp. Without "drive on" (bit 15) the axis stops with a ramp, and then
+    // has no torque.
     control(0, 0xC000);
     hand.cycle(20);
     EXPECT_EQ(status(0) & 0xC008, 0xC000U);
@@ -140,7 +139,7 @@ TEST_F(SoeDriveTest, ModesAndTelegramsByParameters) {
     EXPECT_EQ(write(1, 16, octets({4, 0, 0, 0, 84, 0, 135, 0})), soe::ErrorCode::none);
     EXPECT_EQ(write(1, 32, octets({1, 0})), soe::ErrorCode::none);
     EXPECT_EQ(write(1, 32, octets({4, 0})), soe::ErrorCode::value_too_large);
-    // Axis 0: 6 octets each way; axis 1: 4 and 4. The lengths in the SII are refused.
+    // Axis 0 has 6 octets of outputs and 6 of inputs, axis 1 has 4 and 4. The drive refuses the lengths of the SII.
     EXPECT_EQ(hand.ask(AlState::safeop).state, AlState::preop);
 }
 
