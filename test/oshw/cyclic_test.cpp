@@ -78,7 +78,8 @@ TEST(CyclicSchedule, CatchesUpDeadlineByDeadline) {
     schedule.set_policy(OverrunPolicy::catch_up);
     schedule.start(Time(0us));
     (void)schedule.wake(Time(1ms));
-    // The task returns at 5.2 ms: the deadlines of 2, 3 and 4 ms were missed, that of 5 ms is only late.
+    // The task continues at 5.2 ms. It has missed the deadlines of 2, 3 and 4 ms; for the deadline of 5 ms it is only
+    // late.
     std::uint64_t cycle = 2;
     for (const Duration due : {Duration(2ms), Duration(3ms), Duration(4ms), Duration(5ms)}) {
         const auto tick = schedule.wake(Time(5200us));
@@ -109,7 +110,7 @@ TEST(CyclicSchedule, CatchesUpNoMoreThanTheLimit) {
     EXPECT_EQ(tick.deadline, Time(101ms));
     EXPECT_EQ(schedule.counters().caught_up, 4U);
     EXPECT_EQ(schedule.counters().skipped, 96U);
-    // The work of every made-up cycle is too long again: it is one overrun until the task is in time.
+    // The task is late for each further cycle. All of them are one overrun, until the task is in time.
     (void)schedule.wake(Time(103500us));
     (void)schedule.wake(Time(104500us));
     EXPECT_EQ(schedule.counters().overruns, 2U);
@@ -176,8 +177,8 @@ TEST(DurationHistogram, EmptyAndOutOfRange) {
     EXPECT_EQ(histogram.bucket(DurationHistogram::kBuckets - 1).count, 1U);
 }
 
-// Uses a few milliseconds of real time, because no other test can show that the clock of the kernel and ours are the
-// same.
+// The test uses a few milliseconds of real time. No test in virtual time can show that the kernel wakes the task by the
+// clock of now().
 TEST(CyclicRunner, IsNeverWokenBeforeItsDeadline) {
     CyclicRunner runner({.period = 200us, .spin = 20us, .lock_memory = false, .hold_latency = false});
     EXPECT_TRUE(runner.prepare().empty()) << "nothing was asked for";
@@ -273,7 +274,7 @@ TEST(CyclicRunner, HasTheReservedTimeThatTheKernelGrants) {
         constexpr int kSchedDeadline = 6;
         EXPECT_EQ(::sched_getscheduler(0) & ~SCHED_RESET_ON_FORK, kSchedDeadline);
         EXPECT_EQ(runner.spin(), 100us) << "half of the reserved time is for the work";
-        std::thread([] {}).join();  // the thread can still start others
+        std::thread([] {}).join();  // the thread can still start other threads
         runner.start();
         std::uint64_t before = 0;
         for (int n = 0; n < 10; ++n) {

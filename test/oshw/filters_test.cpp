@@ -224,8 +224,7 @@ TEST_F(FiltersTest, TraceSurvivesNoiseOfEveryLength) {
 }
 
 TEST_F(FiltersTest, FiltersStack) {
-    // Five filters around one NIC, as in a stress test: every received frame was sent, and every frame that is not
-    // lost arrives.
+    // Four filters around one NIC, as in a stress test: every frame that is not dropped arrives, duplicates included.
     std::array<HeldFrame, 512> late;
     std::array<HeldFrame, 512> mixed;
     DropNic drop(inner, {.seed = 1, .received = Rate::percent(5)});

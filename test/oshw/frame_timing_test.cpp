@@ -1,4 +1,5 @@
-// "Sent at", "received at" and "send at": the simulated NIC has all three, other NICs pass them on or have none.
+// The parts of FrameTiming: when a frame was sent, when it was received, and sending at a given time. The simulated NIC
+// has all three. Other NICs pass them on or have none.
 #include "oshw/filters/corrupt_nic.hpp"
 #include "oshw/filters/drop_nic.hpp"
 #include "oshw/filters/duplicate_nic.hpp"
@@ -28,7 +29,7 @@ TEST(ArrivalTimesTest, FindsTheNewestFrameByItsHead) {
     EXPECT_FALSE(stamps.find(head));
     stamps.add(frame, 100);
     frame[14] = std::byte{5};  // the length changes with the datagrams that travel in the frame
-    frame[18] = std::byte{3};  // each slave counts the position
+    frame[18] = std::byte{3};  // each slave increments the position
     EXPECT_EQ(stamps.find(head), 100U);
     stamps.add(frame, 200);
     EXPECT_EQ(stamps.find(head), 200U);
@@ -78,7 +79,7 @@ struct FrameTimingTest : testing::Test {
         return frame;
     }
     static Bytes head_of(const Frame& frame) { return Bytes(frame).first(SendClock::kHeadBytes); }
-    // Waits as a master does; returns the indices of the frames that arrive, with the times.
+    // Waits as a master does. Returns the index and the time of each frame that arrives.
     std::vector<std::pair<int, Time>> all_until(Nic& nic, Time until) {
         std::vector<std::pair<int, Time>> all;
         Frame buffer(1600);
@@ -99,7 +100,7 @@ TEST_F(FrameTimingTest, TheSimulatedNicHasWhatItsOptionsSay) {
     EXPECT_EQ(all.timing().sent, &all);
     EXPECT_EQ(all.timing().received, &all);
     EXPECT_EQ(all.timing().send_at, &all);
-    // A NIC that holds no frames sends them at once, and counts them.
+    // `plain` has no memory for frames that wait. It sends the frame at once and counts it in missed().
     plain.set_send_time(osal.now() + 1ms);
     EXPECT_EQ(plain.send(read_frame(1)), SendStatus::sent);
     EXPECT_EQ(plain.missed(), 1U);
@@ -176,7 +177,7 @@ TEST_F(FrameTimingTest, BothEndsOfARingSendInTheOrderOfTheirTimes) {
     EXPECT_EQ(both.missed(), 1U);
     osal.advance(1ms);
     Frame buffer(100);
-    EXPECT_NE(first.receive(buffer), 0U);  // of the frame at once
+    EXPECT_NE(first.receive(buffer), 0U);  // the frame that was sent at once
     EXPECT_EQ(buffer[17], std::byte{3});
     EXPECT_NE(first.receive(buffer), 0U) << "the other end's frame has left too";
     EXPECT_EQ(buffer[17], std::byte{2});

@@ -1,4 +1,5 @@
-// The threads of the interrupts of a NIC, by made-up folders in which a thread of this program has their name.
+// The threads of the interrupts of a NIC. The test makes folders like /proc and /sys, in which threads of the test have
+// the names of interrupt threads.
 #include "osal/linux/irq_threads.hpp"
 #include "osal/linux/cyclic_runner.hpp"
 
@@ -136,7 +137,8 @@ TEST_F(IrqThreadsTest, AreFoundByTheInterruptsOfTheDevice) {
     ASSERT_TRUE(threads.find("eth0", places()));
     ASSERT_EQ(threads.all().size(), 1U);
     EXPECT_EQ(threads.all()[0].id, first.id());
-    // A virtio device has the interrupts of the device above it. Above another device is a bridge.
+    // A virtio device has the interrupts of the device above it. The device above any other device is a bridge, and its
+    // interrupts are not those of the NIC.
     std::ofstream(device / "msi_irqs/40") << "msix\n";
     fs::remove(device / "msi_irqs/24");
     ASSERT_TRUE(threads.find("eth1", places()));
@@ -210,7 +212,7 @@ TEST_F(IrqThreadsTest, TheRunnerSaysInWordsWhatWasRefused) {
     EXPECT_EQ(refusals[0].error, ENOENT);
     EXPECT_NE(std::string(refusals[0].what).find("this kernel handles them without threads"), std::string::npos);
     add(first, "irq/24-eth0");
-    std::thread([&] {  // which then has no capabilities
+    std::thread([&] {  // this thread gives up its capabilities
         __user_cap_header_struct header{_LINUX_CAPABILITY_VERSION_3, 0};
         __user_cap_data_struct no_capabilities[2]{};
         ASSERT_EQ(::syscall(SYS_capset, &header, no_capabilities), 0);

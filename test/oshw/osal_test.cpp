@@ -1,4 +1,4 @@
-// The two implementations of Osal: virtual time, and Linux.
+// Two implementations of Osal: virtual time, and Linux.
 #include "osal/linux/linux_osal.hpp"
 #include "osal/virtual/virtual_osal.hpp"
 

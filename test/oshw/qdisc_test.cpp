@@ -1,4 +1,4 @@
-// Which queueing disciplines let frames leave at a time, from messages as the kernel writes them.
+// Which queueing disciplines send a frame at a given time. The messages are as the kernel writes them.
 #include "oshw/linux/qdisc.hpp"
 
 #include <gtest/gtest.h>
@@ -109,7 +109,7 @@ TEST(QdiscTest, MostOfThemSendAtOnce) {
 
 TEST(QdiscTest, EtfWithoutOffloadSendsByATimerAndEarlier) {
     List list;
-    list.add("etf", 0, TC_H_ROOT, {}, 99);  // of another interface
+    list.add("etf", 0, TC_H_ROOT, {}, 99);  // an interface that is not asked for
     list.add("ingress", 0xFFFF'0000, TC_H_INGRESS);
     list.add_etf(TC_H_ROOT, 0);
     const TimedWay way = list.way();
@@ -202,7 +202,7 @@ TEST(QdiscTest, MessagesThatAreCutOrWrongEndTheList) {
         (void)cut.add(part, kInterface);
         EXPECT_TRUE(cut.all().empty()) << size;
     }
-    // Attributes whose lengths do not fit are not followed.
+    // Attributes with wrong lengths are not read.
     for (std::size_t at = NLMSG_HDRLEN + sizeof(tcmsg); at + 1 < list.all.size(); ++at) {
         Octets wrong = list.all;
         wrong[at] = wrong[at + 1] = std::byte{0xFF};
