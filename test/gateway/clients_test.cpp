@@ -45,7 +45,7 @@ TEST_F(GatewayClients, EightClientsHammerAndNoCycleIsLost) {
 // Two clients read large objects of one slave: the segments of one transfer never come between the segments of the
 // other.
 TEST_F(GatewayClients, SegmentedTransfersOfSeveralClientsAreKeptApart) {
-    serve({.reply_timeout = 1min, .pause_in_transfer = 1min});  // whatever the load of the machine
+    serve({.reply_timeout = 1min, .pause_in_transfer = 1min});  // long, because the machine may be loaded
     std::atomic<int> right{0};
     const auto reader = [&](Over over, unsigned block) {
         return [&, over, block] {
@@ -77,8 +77,8 @@ TEST_F(GatewayClients, EachClientHasItsTurn) {
                        for (int n = 0; n < 20; ++n) {
                            const auto before = gateway->counts().replies;
                            EXPECT_TRUE(good(modest));
-                           // Its message waits for one message of the other client, not for sixty. A busy system may
-                           // delay this thread before and after the message.
+                           // The message of this client waits for one message of the other client, not for sixty. A
+                           // busy system may delay this thread before and after the message.
                            late += gateway->counts().replies - before >= 50 ? 1 : 0;
                        }
                        done = true;
@@ -174,7 +174,7 @@ TEST_F(GatewayClients, AFloodOfDatagramsIsAnsweredByErrors) {
     EXPECT_EQ(run({[&] {
                   GatewayClient flood(gateway->port(), Over::udp);
                   GatewayClient steady(gateway->port(), Over::tcp);
-                  const auto message = frame(kOdd, kCoe, 1, sdo(0x40, 0x2100, 0));  // 500 ms each
+                  const auto message = frame(kOdd, kCoe, 1, sdo(0x40, 0x2100, 0));  // the slave needs 500 ms for it
                   for (int n = 0; n < 2000; ++n) (void)flood.send_octets(message, MSG_DONTWAIT);
                   EXPECT_EQ(flood.receive().value_or(Message{}).error(), 7U);
                   for (int n = 0; n < 3; ++n) EXPECT_EQ(upload(steady, kDrive, 0x1018, 1).size(), 4U);
@@ -211,8 +211,8 @@ TEST_F(GatewayClients, MoreConnectionsThanPlacesAreClosed) {
               0);
 }
 
-// A client that sends one octet now and then loses its place: the whole frame must arrive within 10 s. With times of
-// the test.
+// A client is stalled when its frame does not arrive completely within 10 s, or when it reads no reply for 10 s. The
+// test sets the time.
 TEST(GatewayConnections, AFrameThatNeverEndsAndRepliesThatNobodyReadsAreStalled) {
     std::array<int, 2> ends{};
     ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, ends.data()), 0);
@@ -257,7 +257,7 @@ TEST(GatewayConnections, ASlowReaderIsStalled) {
         std::array<int, 2> ends{};
         ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, ends.data()), 0);
         for (const int end : ends) {
-            const int least = 1;  // the system makes it a few kilobytes
+            const int least = 1;  // the system raises it to a few kilobytes
             ASSERT_EQ(::setsockopt(end, SOL_SOCKET, SO_SNDBUF, &least, sizeof least), 0);
         }
         gateway::Moment now{1h};

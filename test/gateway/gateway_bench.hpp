@@ -23,7 +23,7 @@ class GatewayTest : public ClientsTest {
     static constexpr std::uint16_t kVoice = 0x1004;  // VoE
     static constexpr std::uint16_t kAxes = 0x1005;   // SoE
     static constexpr std::uint16_t kPort = 0x1006;   // EoE
-    static constexpr std::size_t kRoom = 128 - 6;    // of a message to kOdd
+    static constexpr std::size_t kRoom = 128 - 6;    // mailbox data of a message to kOdd
 
     std::array<std::byte, 4096> image{};
     std::unique_ptr<MailboxGateway> gateway;
@@ -41,13 +41,13 @@ class GatewayTest : public ClientsTest {
     void serve(MailboxGatewaySettings settings) {
         gateway.reset();
         settings.port = 0;
-        // The time of the gateway is real: a loaded machine is not a fault.
+        // The gateway uses real time. A long timeout, because the machine may be loaded.
         if (settings.reply_timeout == MailboxGatewaySettings{}.reply_timeout) settings.reply_timeout = 1min;
         gateway = std::make_unique<MailboxGateway>(ctx, std::move(settings));
         ASSERT_EQ(gateway->error(), "");
     }
 
-    // The first word of the outputs counts; the inputs are an output of the last cycles.
+    // The first word of the outputs is a counter. The inputs must be the outputs of one of the last cycles.
     bool cycle() override {
         const Slave& odd = ctx.slave(1);
         ++counter_;

@@ -36,7 +36,8 @@ inline void append(Octets& to, std::uint32_t value, std::size_t bytes) {
 
 enum : unsigned { kErr = 0, kAoe = 1, kEoe = 2, kCoe = 3, kFoe = 4, kSoe = 5, kVoe = 15 };
 
-// A mailbox message in a frame of type 5: length of the frame in 11 bits, type in the highest 4.
+// A mailbox message in a frame of type 5. The frame header has the length in its lowest 11 bits and the type in its
+// highest 4 bits.
 inline Octets frame(std::uint16_t address, unsigned type, unsigned counter, const Octets& data, unsigned priority = 0) {
     Octets out;
     append(out, static_cast<std::uint32_t>((6 + data.size()) | 0x5000U), 2);
@@ -177,12 +178,12 @@ inline Octets sdo(unsigned command, unsigned index, unsigned subindex, std::uint
     append(out, value, 4);
     return out;
 }
-// An abort code, or 0.
+// The abort code of a reply; 0 if the reply is no abort.
 inline std::uint32_t abort_of(const Message& m) {
     return m.type == kCoe && m.data.size() >= 10 && at(m.data, 2) == 0x80 ? number(m.data, 6, 4) : 0;
 }
 
-// The value of an object, by as many segments as it takes; empty: an abort or an error.
+// Uploads the value of an object, in segments if necessary. Returns an empty value after an abort or an error.
 inline Octets upload(GatewayClient& client, std::uint16_t address, unsigned index, unsigned subindex,
                      Message* last = nullptr) {
     unsigned counter = 3;
@@ -210,7 +211,7 @@ inline Octets upload(GatewayClient& client, std::uint16_t address, unsigned inde
     return value;
 }
 
-// True: the slave has confirmed the whole value. `room`: octets of data in a message.
+// Returns true if the slave has confirmed the whole value. `room`: octets of mailbox data in a message.
 inline bool download(GatewayClient& client, std::uint16_t address, unsigned index, unsigned subindex,
                      const Octets& value, std::size_t room) {
     std::size_t sent = std::min(value.size(), room - 10);

@@ -1,5 +1,5 @@
-// MailboxGateway over lines that lose frames, to slaves that do not answer, and files in BOOT. In virtual time. The
-// test reads the messages that the slave gets.
+// MailboxGateway on lines that lose frames, with slaves that do not answer, and with files in BOOT. The segment has
+// virtual time. The tests read the messages that a slave gets.
 #include "gateway/gateway_client.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
@@ -21,7 +21,7 @@ class GatewayLines : public testing::Test {
     void TearDown() override { gateway.reset(); }
     void serve(MailboxGatewaySettings settings = {}) {
         settings.port = 0;
-        // The time of the gateway is real: a loaded machine is not a fault.
+        // The gateway uses real time. A long timeout, because the machine may be loaded.
         if (settings.reply_timeout == MailboxGatewaySettings{}.reply_timeout) settings.reply_timeout = 1min;
         gateway = std::make_unique<MailboxGateway>(*bus.ctx, std::move(settings));
         ASSERT_EQ(gateway->error(), "");
@@ -61,10 +61,10 @@ TEST_F(GatewayLines, ASlaveThatDoesNotAnswerIsAnErrorAfterTheTimeout) {
     with_client([&](GatewayClient& client) {
         EXPECT_EQ(client.ask(0x1001, kCoe, sdo(0x40, 0x1000, 0), 5).error(), 9U);
         EXPECT_EQ(silent.received.size(), 1U) << "the message was repeated";
-        (void)client.ask(0x1002, kCoe, sdo(0x40, 0x1000, 0));  // into the mailbox, where it stays
+        (void)client.ask(0x1002, kCoe, sdo(0x40, 0x1000, 0));  // stays in the mailbox of the slave
         EXPECT_EQ(client.ask(0x1002, kCoe, sdo(0x40, 0x1000, 0)).error(), 9U);
     });
-    // The message is the message of the client, with a counter of the master.
+    // The slave gets the message of the client, with the address 0 and a counter of the master.
     ASSERT_FALSE(silent.received.empty());
     EXPECT_EQ(silent.received[0], mail_bytes({10, 0, 0, 0, 0, 0x13, 0x00, 0x20, 0x40, 0x00, 0x10, 0, 0, 0, 0, 0}));
 }
@@ -180,7 +180,7 @@ TEST_F(GatewayLines, FilesPacketByPacket) {
         EXPECT_EQ(at(reply.data, 0), 6U) << "busy";
         reply = client.ask(0x1001, kFoe, packet(4, 7), 3);
         EXPECT_EQ(reply.data.size(), 9U) << "the last packet";
-        // The acknowledgement of the last packet is not answered, and no error comes for it.
+        // The acknowledgement of the last packet gets no reply and no error.
         client.send(0x1001, kFoe, packet(4, 2), 4);
         reply = client.ask(0x1001, kFoe, packet(2, 0, text("file")), 5);
         EXPECT_EQ(reply.counter, 5U);

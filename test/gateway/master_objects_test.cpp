@@ -89,7 +89,7 @@ TEST_F(MasterObjectDictionary, IsListedBySdoInformation) {
     with_client([&](GatewayClient& client) {
         const auto list = client.ask(0, kCoe, octets({0x00, 0x80, 0x01, 0, 0, 0, 1, 0}));
         ASSERT_EQ(at(list.data, 2), 0x02U);
-        // 1000 1008 100A 1018, 6 × 8nnn, 6 × 9nnn, F000 F002 F020 F040
+        // The list: 1000 1008 100A 1018, 6 × 8nnn, 6 × 9nnn, F000 F002 F020 F040.
         EXPECT_EQ((list.data.size() - 8) / 2, 20U);
         const auto object = client.ask(0, kCoe, octets({0x00, 0x80, 0x03, 0, 0, 0, 0x20, 0xF0}));
         EXPECT_EQ(at(object.data, 10), 6U);

@@ -42,17 +42,17 @@ TEST_P(Routing, AReplyHasTheAddressCounterAndPriorityOfItsMessage) {
 
 TEST_P(Routing, UploadsAndDownloadsOfAnySize) {
     with_client([&](GatewayClient& client) {
-        // 1024 octets by mailboxes of 128.
+        // An object of 1024 octets, with mailboxes of 128 octets.
         Octets block;
         for (unsigned n = 0; n < 1024; ++n) append(block, 2 + 2048 + n, 1);
         EXPECT_EQ(upload(client, kOdd, 0x2002, 0), block);
         std::ranges::reverse(block);
         EXPECT_TRUE(download(client, kOdd, 0x2002, 0, block, kRoom));
         EXPECT_EQ(upload(client, kOdd, 0x2002, 0), block);
-        // The abort of the slave, unchanged.
+        // The client gets the abort of the slave unchanged.
         const auto missing = client.ask(kOdd, kCoe, sdo(0x40, 0x5FFF, 0));
         EXPECT_EQ(abort_of(missing), 0x06020000U);
-        // The client gives up a transfer in its middle: its abort has no answer, and the next transfer works.
+        // The client aborts a transfer before its end: the abort gets no reply, and the next transfer works.
         (void)client.ask(kOdd, kCoe, sdo(0x40, 0x2003, 0));
         client.send(kOdd, kCoe, sdo(0x80, 0x2003, 0, 0x08000000));
         EXPECT_EQ(upload(client, kOdd, 0x2002, 0), block);
@@ -94,7 +94,7 @@ TEST_P(Routing, ParametersOfDrives) {
         const auto name = client.ask(kAxes, kSoe, octets({0x01, 0x02, 0x01, 0x00}), 5);
         EXPECT_NE(std::string(reinterpret_cast<const char*>(name.data.data()), name.data.size()).find("cycle time"),
                   std::string::npos);
-        // No such IDN: the error reply of the drive.
+        // The drive has no such IDN. The client gets the error reply of the drive.
         const auto missing = client.ask(kAxes, kSoe, octets({0x01, 0x40, 0xFF, 0x6F}), 6);
         EXPECT_EQ(at(missing.data, 0) & 0x10U, 0x10U);
         EXPECT_EQ(number(missing.data, 4, 2), 0x1001U);
@@ -121,7 +121,7 @@ TEST_P(Routing, EveryMailThatAnswersAVendorMessage) {
         ASSERT_TRUE(reply);
         EXPECT_EQ(reply->data, echo);
         EXPECT_EQ(reply->counter, 6U);
-        // Type 2: after that the device sends five messages on its own.
+        // Type 2 asks the device for five messages.
         client.send(kVoice, kVoe, octets({0x47, 0x4D, 0, 0, 2, 0, 2, 0, 5, 0, 8, 0}), 7);
         for (unsigned n = 0; n < 5; ++n) {
             reply = client.receive();
@@ -177,7 +177,7 @@ TEST_P(Routing, ErrorRepliesSayWhy) {
         lies[2] = std::byte{0xFF};  // the length in the mailbox header
         ASSERT_TRUE(client.send_octets(lies));
         EXPECT_EQ(client.receive().value_or(Message{}).error(), 8U) << "more announced than sent";
-        // An error of a client has no answer, and the next message has one.
+        // An error message of a client gets no reply. The next message gets a reply.
         client.send(kOdd, kErr, octets({1, 0, 1, 0}));
         EXPECT_EQ(client.ask(kOdd, kCoe, upload_type).type, unsigned{kCoe});
     });
@@ -216,7 +216,7 @@ TEST_P(Routing, ADeviceThatMayHaveBeenExchangedGetsNoMessage) {
     (void)readstate(ctx);
     segment.set_power(2, true, osal.now());
     osal.advance(100ms);
-    // What is there now has the address.
+    // The device that is there now gets the station address of the lost slave.
     (void)segment.slave(2).ecat_write(0x0010, octets({0x03, 0x10}), osal.now());
     sim::FrameEnd end{};
     end.at = osal.now();
@@ -246,7 +246,7 @@ TEST_P(Routing, ReadOnlyRefusesWhatMayChangeASlave) {
     });
 }
 
-// What a tool writes to a PDO mapping is not exchanged as it was mapped before.
+// After a client has changed the PDO assignment, the process data is not exchanged with the old mapping.
 TEST_P(Routing, AChangedPdoAssignmentNeedsANewMapping) {
     ASSERT_TRUE(reach(ctx, AlState::preop, 5s));
     (void)run({[&] {

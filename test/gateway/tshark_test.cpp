@@ -1,5 +1,5 @@
-// The frames of clients and gateway, decoded by tshark: its dissectors for EtherCAT over UDP and TCP at port 34980, and
-// for the mailbox.
+// tshark decodes the frames of the clients and of the gateway: EtherCAT over UDP and TCP at port 34980, and the mailbox
+// messages.
 #include "gateway/gateway_bench.hpp"
 #include "wire/mailbox_pcap.hpp"
 
@@ -17,7 +17,7 @@ std::string big_endian(std::uint32_t value, int bytes) {
     return out;
 }
 
-// The frame in IPv4 with UDP or TCP.
+// A pcap file of these frames, in IPv4 with UDP or TCP.
 class IpPcap {
   public:
     explicit IpPcap(const std::string& path) : file_(path, std::ios::binary) {
