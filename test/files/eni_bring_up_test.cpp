@@ -148,7 +148,7 @@ TEST(EniRoundTrip, WatchdogsAndTimeouts) {
     EXPECT_EQ(at(0x0420), 1250);
     expect_same(machine, {"coupler", "drive"});
     setup.startup = kCommands;
-    setup.times.to_op = 500us;  // rounded up: 0 is the standard's time
+    setup.times.to_op = 500us;  // rounded up to 1 ms, because 0 means the time of the standard
     const auto eni = read_eni(write_eni(machine.ctx).text);
     ASSERT_TRUE(eni) << to_text(eni.problem);
     std::vector<Duration> times;
@@ -228,7 +228,7 @@ TEST(EniRoundTrip, EachVariableHasANameOfItsOwn) {
     EXPECT_EQ(eni->find(name + " 16")->bit, eni->find(name)->bit + 15);
 }
 
-// Such files have no init commands. Their CoE commands select the PDOs before the library reads the PDOs.
+// The file has CoE commands and no other init commands. The CoE commands select the PDOs before the library reads them.
 TEST(EniBringUp, PdosThatCoeCommandsSelectAreMapped) {
     std::string commands;
     for (const auto& [subindex, data] : {std::pair{"0", "00"}, std::pair{"1", "0116"}, std::pair{"0", "01"}})
@@ -310,7 +310,7 @@ TEST(ImagePlaces, AreTakenAndChecked) {
     EXPECT_EQ(*used, 9U);
     EXPECT_EQ(machine.ctx.slave(2).image.outputs.offset_bits, 64U);
     EXPECT_EQ(machine.ctx.slave(3).image.outputs.offset_bits, 8U);
-    for (const std::uint32_t wrong : {8U, 12U}) {  // the place of slave 3; within an octet
+    for (const std::uint32_t wrong : {8U, 12U}) {  // the place of slave 3; a place within an octet
         first.place.outputs_bit = wrong;
         const auto refused = config_map(machine.ctx, machine.image);
         ASSERT_FALSE(refused);

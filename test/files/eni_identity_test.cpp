@@ -1,5 +1,5 @@
-// What an ENI says about which slave it is: station addresses, aliases and device ids, hot connect groups. Written by
-// write_eni(), read again, and brought up: the slaves have the same registers.
+// How an ENI identifies slaves: station addresses, aliases, device ids, hot connect groups. The tests write an ENI,
+// read it again and bring the slaves up by it: the slaves have the same registers.
 #include "files/examples.hpp"
 #include "files/machine.hpp"
 
@@ -10,7 +10,7 @@
 namespace margay::files {
 namespace {
 
-// Slaves 1, 2 and 3 are the line. The groups {alias 5, drive} and {device id 9} hang within it.
+// Slaves 1, 2 and 3 are the line. The groups {alias 5, drive} and {device id 9} are connected within the line.
 const std::vector<std::string> kLine{"coupler", "digital_in_8", "digital_io_16@5", "drive", "digital_out_8", "io#9"};
 const ExpectedSlave kPlaces[] = {
     {.number = 1, .station_address = 1001},
@@ -69,8 +69,8 @@ TEST(EniIdentity, TheSameRegistersWithHotConnectGroups) {
     ExpectedMachine first;
     first.map();
     const auto eni = first.eni();
-    // The groups are connected at the same places, and at other places, where the devices of the line have other
-    // positions.
+    // The groups are first connected at the same places, then at other places: the devices of the line have other
+    // positions there.
     const std::vector<std::string> moved{"coupler",       "digital_in_8",    "io#9",
                                          "digital_out_8", "digital_io_16@5", "drive"};
     for (const auto& devices : {kLine, moved}) {
@@ -95,7 +95,7 @@ TEST(EniIdentity, AGroupMayBeMissingAndComesLater) {
     const auto up = bring_up(second.ctx, *eni, second.image);
     ASSERT_TRUE(up) << words(up.error());
     EXPECT_EQ(second.ctx.slave(6).ring_position, 0);
-    // The counters of a file that is written now are the counters of its own slaves.
+    // A file that is written now has the expected working counters (Cnt) of the slaves that are in the file.
     const Written without = write_eni(second.ctx);
     EXPECT_EQ(without.remarks, std::vector<std::string>{"slave 6 is missing and is left out"});
     const auto read = read_eni(without.text);
@@ -249,7 +249,7 @@ TEST(EniIdentity, ACheckOfTheSiiComparesEightOctetsToo) {
                      "the check of SII word 0x000c wants 0x00000002, and one before it wants 0x00000001"));
 }
 
-// A check that is not supported does not end the comparison with Info.
+// A check that is not supported does not replace the comparison with Info.
 TEST(EniIdentity, InfoCountsWhereNoCheckOfTheIdentityIsSupported) {
     const auto eni = with_checks({{"04", "00000000"}});
     ASSERT_TRUE(eni) << to_text(eni.problem);

@@ -1,4 +1,4 @@
-// Messages by EoE and AoE of ENI files, and the modules: read, sent, compared, written.
+// EoE and AoE messages in ENI files, and modules: the library reads, sends, compares and writes them.
 #include "files/examples.hpp"
 #include "files/machine.hpp"
 
@@ -16,8 +16,8 @@
 namespace margay::files {
 namespace {
 
-// Set IP: header, flags (MAC, address, mask), MAC, 192.168.0.102, 255.255.255.0; octets as configuration tools write
-// them (fact sheet of ENI files from the field).
+// Set IP: header, flags (MAC, address, mask), MAC, 192.168.0.102, 255.255.255.0. Configuration tools write these octets
+// (fact sheet of ENI files from the field).
 const std::string kIpWithHeader =
     "0200000007000000"
     "020000000102"
@@ -42,8 +42,9 @@ std::string command(const std::string& transition, const std::string& data) {
 }
 std::string eoe(const std::string& commands) { return "<EoE><InitCmds>" + commands + "</InitCmds></EoE>"; }
 
-// A write of four octets to index group 0x100, offset 16 of the device with the NetID 5.1.2.3.2.1, port 1: address of
-// the target and of the source, command 3, flags 4, octets, error, invoke id 7, group, offset, octets, data.
+// An AoE write of four octets to index group 0x100, offset 16 of the device with the NetID 5.1.2.3.2.1, port 1. Its
+// parts are: addresses of target and source, command 3, flags 4, octets, error, invoke ID 7, group, offset, octets,
+// data.
 const std::string kAoeWrite =
     "0501020302010100"
     "0000000000000000"
@@ -57,7 +58,7 @@ const std::string kAoeWrite =
     "04000000"
     "11223344";
 
-// The example, with `what` after the CoE commands of the mailbox of the first slave.
+// The example, with `what` in place of the element EoE of the first slave.
 std::string with_mail(const std::string& what) {
     std::string text = kExampleEni;
     const auto from = text.find("<EoE>");
@@ -114,7 +115,8 @@ TEST(EniMail, IpParametersAreReadWithAndWithoutTheirHeader) {
 }
 
 TEST(EniMail, FlagsThatLookLikeAHeaderAreFlags) {
-    // The address alone, all places there: flags 2, which are the octets of the header too.
+    // The message has room for all parameters and sets only the address: its flags are 2. The header has the same
+    // octets.
     const auto eni =
         read_eni(with_mail(eoe(command("IP", "02000000" + std::string(12, '0') + "0100a8c0" + std::string(88, '0')))));
     ASSERT_TRUE(eni);
@@ -251,7 +253,7 @@ TEST(EniMail, ASlaveGetsItsNetIdAndItsAoeCommands) {
 }
 
 TEST(EniMail, ARefusedAoeCommandIsTheErrorOfItsSlave) {
-    // The device has only the NetID of the file, so the command finds no device.
+    // The device has the NetID of the file. The command has another NetID, so it finds no device.
     for (const char* transition : {"IP", "PS"}) {
         const auto eni = read_eni(
             eni_of(kGateways, 3,
@@ -341,7 +343,7 @@ TEST(EniModules, TheConfiguredListIsWrittenAndTheDetectedOneCompared) {
     EXPECT_EQ(machine.registers(0), second.registers(0));
     EXPECT_EQ(*SDOread<std::uint32_t>(second.ctx, 1, 0xF030, 3), 0x302U) << "written to the slave";
 
-    // Another module in slot 1.
+    // The file has another module in slot 1.
     const auto at = text.find("<Data>08020000</Data>");
     ASSERT_NE(at, std::string::npos);
     const auto other = read_eni(text.replace(at, 21, "<Data>09020000</Data>"));

@@ -1,4 +1,4 @@
-// ENI files: what is read, what is refused, and what is named as not supported.
+// ENI files: what the reader reads, what it refuses, and what it names as not supported.
 #include <margay/files/eni.hpp>
 
 #include "files/examples.hpp"

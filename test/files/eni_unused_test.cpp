@@ -1,5 +1,5 @@
-// Requests of an ENI that the library does not execute: a remark with line and cause, and no remark when it has no
-// effect.
+// Parts of an ENI that the library does not apply: the reader makes a remark with line and cause. It makes no remark if
+// the part has no effect.
 #include <margay/files/eni.hpp>
 
 #include "files/examples.hpp"
@@ -32,7 +32,7 @@ std::string with_inits(const std::string& more) {
 std::string with_master(const std::string& more) {
     return replaced(kExampleEni, "</InitCmds></Master>", more + "</InitCmds></Master>");
 }
-// The cyclic command by which a file uses clocks.
+// The text with the cyclic command that reads the system time: the file uses clocks.
 std::string with_clocks(const std::string& text) {
     return replaced(text, "</Frame></Cyclic>",
                     "<Cmd><State>OP</State><Cmd>14</Cmd><Adp>1001</Adp><Ado>2320</Ado><DataLength>8</DataLength></Cmd>"
@@ -140,7 +140,7 @@ TEST(EniUnused, AStartTimeOfSyncAndTheSecondAddressAreNamed) {
     EXPECT_EQ(more_said(with_inits(init("PS", 0x0103, "00"))), Texts());
 }
 
-// SYNC signals of another step than PS are set at PS, unless the commands of PS set something else.
+// The library sets the SYNC signals of other steps at PS, too, unless the commands of PS set other signals.
 TEST(EniUnused, SyncSignalsOfAnotherStepAreUsedAndNamed) {
     const auto sync = [](const std::string& text) {
         const auto eni = read_eni(with_clocks(text));
@@ -227,14 +227,14 @@ TEST(EniUnused, ATimeThatIsLongerThanAnyRealOneIsNamed) {
               Texts{"line 11, column 63: Timeout is 3600000" + wait + "60 minutes"});
 }
 
-// A slave of its own has no others to be compared with: its BitStart is the place that the offset of the command gives,
-// or 80 bits behind it.
+// If a slave cannot be compared with other slaves, its BitStart must be the place that the offset of the command gives,
+// or 80 bits behind this place.
 TEST(EniUnused, ABitStartThatTheOffsetContradictsIsNamed) {
     const auto said = more_said(replaced(kExampleEni, "<BitStart>208</BitStart>", "<BitStart>216</BitStart>"));
     EXPECT_EQ(said,
               Texts{"line 8, column 15: BitStart is 216, and by the cyclic command and the FMMU the data begins at "
                     "208: the variables of the slave are found by BitStart"});
-    // One of two directions, in a file without another slave.
+    // A file with one slave, which has inputs only.
     Machine machine({"digital_in_8"});
     ASSERT_TRUE(config_init(machine.ctx));
     ASSERT_TRUE(config_map(machine.ctx, machine.image));
@@ -246,7 +246,7 @@ TEST(EniUnused, ABitStartThatTheOffsetContradictsIsNamed) {
         eni.remarks[0].text.starts_with("BitStart is 8, and by the cyclic command and the FMMU the data begins "
                                         "at 0: "))
         << eni.remarks[0].text;
-    // 80: as files that count from the datagram.
+    // Some files count BitStart from the header of the datagram, which has 80 bits.
     EXPECT_TRUE(read_eni(replaced(text, "<BitStart>0</BitStart>", "<BitStart>80</BitStart>")).remarks.empty());
 }
 
@@ -370,7 +370,7 @@ TEST(EniUnused, TheWriterSaysWhereTheDataOfACommandIs) {
         const auto eni = read_eni(text);
         ASSERT_TRUE(eni) << to_text(eni.problem);
         EXPECT_TRUE(eni.remarks.empty());
-        // The image has the logical addresses, which begin at 0 here: each variable is where its FMMU reads or writes.
+        // The logical addresses begin at 0 here, so the place of a variable is the logical address of its FMMU.
         for (const EniVariable& variable : eni->variables) {
             const Slave& slave = machine.ctx.slave(variable.slave);
             const auto logical_start =
@@ -480,7 +480,7 @@ TEST(EniUnused, MailboxesThatDifferFromTheSiiAreNamedAfterTheScan) {
         << named[0].text;
 }
 
-// The remarks of a file that was written of a segment and then changed.
+// The remarks about a file that was written from a segment and then changed.
 Texts said_of(const std::vector<std::string>& devices, const std::string& text) {
     const auto eni = read_eni(text);
     EXPECT_TRUE(eni) << to_text(eni.problem);

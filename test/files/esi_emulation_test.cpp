@@ -77,7 +77,7 @@ TEST(EsiEmulation, ADeviceWithAMailboxReachesOpAndServesIt) {
     expect_works(machine, 0x1234);
 }
 
-// The chip shows every state at once. After its watchdog has expired, outputs are not applied.
+// The chip shows each requested state at once. After its watchdog has expired, the device does not apply outputs.
 TEST(EsiEmulation, OutputsEndWithTheirWatchdog) {
     Machine machine;
     machine.connect(device_of(emulated_drive()));

@@ -1,4 +1,4 @@
-// Start-up commands of EoE and AoE of ESI files: read, sent, compared, written.
+// EoE and AoE start-up commands in ESI files: the library reads, sends, compares and writes them.
 #include <margay/aoe.hpp>
 #include <margay/eoe.hpp>
 #include <margay/files/esi.hpp>
@@ -21,7 +21,7 @@ const std::string kEsiFilter =
     "8100"
     "0200000000aa" +
     std::string(228, '0');
-// The NetID 5.1.2.3.2.1: an AoE write of six octets to index group 1, offset 3, with the NetID as target.
+// Sets the NetID 5.1.2.3.2.1: an AoE write of six octets to index group 1, offset 3, with the NetID as target.
 const std::string kEsiNetId =
     "0501020302010000"
     "0000000000000000"
@@ -34,7 +34,7 @@ const std::string kEsiNetId =
     "03000000"
     "06000000"
     "050102030201";
-// 11 22 33 44 to index group 0x100, offset 16 of port 1 of that device.
+// An AoE write of 11 22 33 44 to index group 0x100, offset 16 of port 1 of the device with this NetID.
 const std::string kEsiAoeWrite =
     "0501020302010100"
     "0000000000000000"
@@ -140,7 +140,7 @@ TEST(EsiMail, TheCommandsOfAoeAreSentAtTheirTransitions) {
 }
 
 TEST(EsiMail, ARefusedCommandIsTheErrorOfItsTransition) {
-    // Without its NetID the device is not found.
+    // No command has set the NetID of the device, so the AoE command finds no device.
     Described described("aoe_gateway", esi_with("aoe_gateway", "", init_command("PS", kEsiAoeWrite)));
     Context& ctx = described.machine.ctx;
     ASSERT_TRUE(config_init(ctx));
@@ -151,7 +151,7 @@ TEST(EsiMail, ARefusedCommandIsTheErrorOfItsTransition) {
               "0x0007: no route to this NetID; index group 0x0100, offset 0x0010)");
 }
 
-// Another command of IP needs INIT again.
+// After a change of a command of IP, the slave must go through INIT again.
 TEST(EsiMail, AnotherCommandOfIpIsNoticed) {
     const std::string first = init_command("IP", kEsiIp, "2");
     Described described("eoe_gateway", esi_with("eoe_gateway", first, ""));
@@ -192,7 +192,7 @@ TEST(EsiMail, WhatIsReadIsWritten) {
     }
 }
 
-// The commands of a module of each protocol are written, too.
+// The writer also writes the commands of modules, of each protocol.
 TEST(EsiMail, CommandsOfModulesAreWritten) {
     auto esi = read_esi(esi_with("aoe_gateway", "", init_command("IP", kEsiNetId)));
     ASSERT_TRUE(esi) << to_text(esi.problem);
@@ -217,7 +217,8 @@ TEST(EsiMail, WhatIsNoMessageIsNamedAndLeftOut) {
     const std::string no_eoe =
         "the start-up command of EoE is not sent: its data is neither that of IP parameters nor of an address filter";
     const std::string no_aoe = "the start-up command of AoE is not sent: its data is no AoE command that writes";
-    // Too short, a filter that is announced as IP parameters, flags without a parameter; the last one has no type.
+    // The data is too short; a filter has the type of IP parameters; flags are without a parameter. The last command is
+    // valid and has no type.
     Described eoe("eoe_gateway",
                   esi_with("eoe_gateway",
                            init_command("PS", kEsiIp.substr(2), "2") + init_command("PS", kEsiFilter, "2") +
@@ -226,7 +227,7 @@ TEST(EsiMail, WhatIsNoMessageIsNamedAndLeftOut) {
     EXPECT_EQ(eoe.remarks, (std::vector<std::string>{no_eoe, no_eoe, no_eoe}));
     EXPECT_EQ(eoe.left_out, (std::vector<std::string>{no_eoe, no_eoe, no_eoe}));
     EXPECT_EQ(eoe.config->startup().size(), 1U);
-    // One octet less than announced, an answer, a read.
+    // One octet less than the message announces; a response; a read; no data.
     std::string answer = kEsiNetId;
     answer.replace(36, 4, "0500");
     std::string read = kEsiNetId;

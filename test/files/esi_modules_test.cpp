@@ -16,7 +16,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// The device "modular_io" as its maker describes it.
+// The device "modular_io" as its manufacturer describes it.
 constexpr std::string_view kCoupler = R"(<?xml version="1.0"?>
 <EtherCATInfo>
   <Vendor><Id>#x4D47</Id><Name>Margay</Name></Vendor>

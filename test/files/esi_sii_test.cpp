@@ -51,7 +51,7 @@ std::vector<PdoInImage> pdos(Bytes image, std::uint16_t type) {
             PdoInImage one{pdo->index, pdo->sync_manager, pdo->flags, {}, {text(pdo->name)}};
             sii::PdoEntries entries(pdo->entries);
             while (const auto entry = entries.next()) {
-                // The tool of the field's images writes UINT (6) for entries of 8 bits that its files call UINT8.
+                // The tool of these images writes UINT (6) for entries of 8 bits that the ESI files call UINT8.
                 const bool octet = entry->data_type == 6 && entry->bit_length == 8;
                 const unsigned data_type = octet ? 5 : entry->data_type;
                 one.entries.push_back({entry->index, entry->subindex, data_type, entry->bit_length});
@@ -128,7 +128,7 @@ TEST(EsiSii, WhatDoesNotFitIsSaid) {
         (n < 200 ? device.pdos[0] : device.pdos[1]).entries.push_back(entry);
     }
     const auto many = make_sii(device);
-    ASSERT_TRUE(many) << many.error;  // strings have numbers of one octet
+    ASSERT_TRUE(many) << many.error;  // the SII refers to a string by one octet
     EXPECT_EQ(many.remarks, std::vector<std::string>{"the names of entries do not fit and are left out"});
     EXPECT_EQ(faults(many.octets), "");
 }
@@ -162,7 +162,7 @@ TEST_P(FieldEsi, GivesTheImageThatBelongsToIt) {
     ASSERT_TRUE(ours) << ours.error;
     EXPECT_EQ(faults(ours.octets), "");
     for (std::size_t n = 0; n < 128; ++n) {
-        if (n >= 16 && n < 20) continue;  // the vendor
+        if (n >= 16 && n < 20) continue;  // the vendor ID
         EXPECT_EQ(ours.octets[n], theirs[n]) << "octet " << n;
     }
     EXPECT_EQ(load_le<std::uint32_t>(ours.octets, 16), 0xF3FU);

@@ -1,4 +1,4 @@
-// ESI files: what is read, what is refused and where, and what becomes of a device.
+// ESI files: what the reader reads, what it refuses at which line, and the configuration that it makes of a device.
 #include <margay/files/esi.hpp>
 #include <margay/host_configuration.hpp>
 
@@ -153,7 +153,7 @@ TEST(EsiReader, NumbersThatTheDeviceDoesNotHaveAreNamed) {
         << to_text(no_size.remarks.back());
 }
 
-// The schema has a number. Files from the field also have a boolean.
+// In the schema, Enable is a number. In files from the field, Enable may also be a boolean.
 TEST(EsiReader, ASyncManagerIsEnabledByANumberOrAWord) {
     for (const auto& [text, enabled] : {std::pair{"#x1", true}, std::pair{"true", true}, std::pair{"FALSE", false}}) {
         std::string esi(kExampleEsi);
@@ -191,7 +191,7 @@ TEST(EsiReader, HostileXmlIsRefused) {
               "line 1, column 1: the file is UTF-16, which is not supported: convert it to UTF-8");
     EXPECT_EQ(to_text(read_esi("\x1F\x8B\b").problem),
               "line 1, column 1: the file is compressed by gzip, and is no XML");
-    // Two files in one, and what a shorter file has left of a longer one.
+    // Two documents in one file, and the rest of a longer file behind a shorter one.
     EXPECT_EQ(to_text(read_esi("<EtherCATInfo/>\n\n<EtherCATInfo/>\n").problem),
               "line 3, column 2: no well-formed XML: a second element beside the root element");
     EXPECT_EQ(to_text(read_esi("<?xml version=\"1.0\"?>\n<EtherCATInfo/>\n<!-- x -->\nrest").problem),
@@ -201,7 +201,7 @@ TEST(EsiReader, HostileXmlIsRefused) {
               "line 1, column 1: the encoding 'ebcdic' is not supported: convert the file to UTF-8");
 }
 
-// What a lenient reader would take for a name, or for no name at all.
+// A lenient reader would accept these names, or read them as empty.
 TEST(EsiReader, ReferencesAndCharactersThatXmlDoesNotHaveAreRefused) {
     const auto named = [](const std::string& name) { return to_text(read_example("Example works", name).problem); };
     const auto expect = [&](const std::string& name, const std::string& text) {
@@ -274,7 +274,7 @@ TEST(EsiReader, AFileThatGrowsWithoutBoundIsRefused) {
               std::string::npos);
 }
 
-// Nonsense in elements that are not used.
+// The reader also checks elements that it does not use.
 TEST(EsiReader, ValuesWithoutAMeaningAreNamed) {
     const auto said = [](const std::string& replace, const std::string& by) {
         const auto esi = read_example(replace, by);
@@ -350,7 +350,7 @@ TEST(EsiModel, NamesEntriesAndTypes) {
     const EsiDevice& device = esi->devices[0];
     EXPECT_EQ(entry_name(device, Direction::outputs, 0x6040, 0), "Control word");
     EXPECT_EQ(entry_name(device, Direction::inputs, 0x6040, 0), "");
-    EXPECT_EQ(entry_name(device, Direction::inputs, 0x2000, 2), "Gain I");  // the dictionary knows it
+    EXPECT_EQ(entry_name(device, Direction::inputs, 0x2000, 2), "Gain I");  // from the object dictionary
     EXPECT_EQ(data_type_number("UINT"), 6);
     EXPECT_EQ(data_type_number("BIT3"), 0x32);
     EXPECT_EQ(data_type_number("STRING(20)"), 9);
@@ -377,7 +377,7 @@ TEST(EsiModel, OperationModesBecomeSyncSettings) {
     EXPECT_EQ(sync.sync1_cycle, Duration{0});
 }
 
-// SYNC1 follows its SYNC0.
+// SYNC1 has no cycle of its own and comes after its SYNC0.
 TEST(EsiModel, ATimeOfSync1ThatIsNotUsedIsARemark) {
     const auto esi = read_example(
         "</OpMode>", "<CycleTimeSync1 Factor=\"-2\">0</CycleTimeSync1><ShiftTimeSync1>-5000</ShiftTimeSync1></OpMode>");

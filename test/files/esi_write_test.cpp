@@ -1,5 +1,5 @@
-// ESI files that are written: our reader gives the same device, and SII images of real devices survive the way through
-// an ESI.
+// ESI files that the library writes: the reader returns the same device, and the SII image of a real device is the same
+// after it was an ESI.
 #include <margay/files/esi.hpp>
 #include <margay/host_configuration.hpp>
 #include <margay/host_context.hpp>
@@ -87,7 +87,7 @@ TEST(EsiWriter, WhatIsReadIsWhatWasWritten) {
     EXPECT_EQ(write_esi(*again).text, written.text);
 }
 
-// The number of axes by CoE, and a SyncManager that is not used.
+// The test compares the SyncManagers of the SII, unused ones included, and the number of DS402 channels.
 TEST(EsiWriter, TheSiiOfADeviceComesBack) {
     namespace sii = wire::sii;
     for (const char* name : {"drive", "bootloader", "bootloader_open", "analog_in_4"}) {
@@ -119,7 +119,7 @@ TEST(EsiWriter, TheSiiOfADeviceComesBack) {
     EXPECT_EQ(drive->mailbox->ds402_channels, 1);
 }
 
-// An ESI has the number of axes for slaves with CoE, and the writer has no references to further files.
+// An ESI has the number of DS402 channels for slaves with CoE only. The writer writes no references to further files.
 TEST(EsiWriter, WhatIsLeftOutIsNamed) {
     auto esi = read_esi(kExampleEsi);
     ASSERT_TRUE(esi);
@@ -133,12 +133,13 @@ TEST(EsiWriter, WhatIsLeftOutIsNamed) {
                                   "the references to further files (InfoReference) are left out"}));
 }
 
-// Names come from slaves. XML 1.0 has no characters below U+0020 except blanks, and not U+FFFE or U+FFFF.
+// Names come from slaves. XML 1.0 has no characters below U+0020 except tab and line ends, and neither U+FFFE nor
+// U+FFFF.
 TEST(EsiWriter, NamesHaveCharactersOfXmlOnly) {
     auto esi = read_esi(kExampleEsi);
     ASSERT_TRUE(esi);
     esi->devices[0].name = "a\x1B\xEF\xBF\xBE\xEF\xBF\xBF<&\xC3\xA4";
-    esi->devices[0].fmmus[0] = {FmmuUse::unused, "b\x02"};  // a word of the file
+    esi->devices[0].fmmus[0] = {FmmuUse::unused, "b\x02"};  // the text of an FMMU without a known use
     esi->devices[0].mailbox->commands[0].comment = "c\x03";
     const std::string text = write_esi(*esi).text;
     EXPECT_EQ(text.find("\xEF\xBF\xBE"), std::string::npos);
@@ -212,7 +213,7 @@ TEST_P(RealSii, SurvivesTheWayThroughAnEsi) {
     const auto ours = make_sii(read->devices[0]);
     ASSERT_TRUE(ours) << ours.error;
     for (std::size_t n = 0; n < 58; ++n) {
-        if ((n >= 28 && n < 32) || n == 14) continue;  // the serial number; the checksum with the alias
+        if ((n >= 28 && n < 32) || n == 14) continue;  // the serial number; the checksum
         EXPECT_EQ(ours.octets[n], theirs[n]) << "octet " << n;
     }
     const auto again = describe_sii(ours.octets);
@@ -224,7 +225,7 @@ INSTANTIATE_TEST_SUITE_P(Devices, RealSii,
                          ::testing::Values("akd.bin", "ek1100.bin", "el2004.bin", "el2262.bin", "el2828.bin",
                                            "el2889.bin"));
 
-// The content of an SII is preserved: the image from the ESI of each ready-made device is the image of the device.
+// For each ready-made device: the library makes an ESI of the SII image, and the same SII image of this ESI.
 TEST(EsiWriter, TheSiiOfEachDeviceSurvivesTheWayThroughAnEsi) {
     for (const std::string_view name : sim::device_names()) {
         const auto model = sim::make_device(name);
@@ -247,7 +248,7 @@ TEST(EsiWriter, TheSiiOfEachDeviceSurvivesTheWayThroughAnEsi) {
         const auto first_use = uses ? static_cast<std::size_t>(uses->data() - theirs.data()) : 0;
         for (std::size_t n = 0; n < theirs.size(); ++n) {
             if (n >= 28 && n < 32) continue;                          // the serial number
-            if (!written.remarks.empty() && n == channels) continue;  // named
+            if (!written.remarks.empty() && n == channels) continue;  // a remark names it
             if (uses && n >= first_use && n < first_use + uses->size() && theirs[n] == std::byte{0}) continue;
             EXPECT_EQ(ours.octets[n], theirs[n]) << name << ", octet " << n;
         }

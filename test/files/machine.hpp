@@ -1,4 +1,4 @@
-// A segment of simulated devices and a master, for tests of files.
+// A bench for the tests of files.
 #pragma once
 
 #include <margay/host_context.hpp>
@@ -34,7 +34,7 @@ struct Machine {
         for (const std::string& name : devices) made.push_back(std::move(*make(name)));
         connect(std::move(made));
     }
-    Machine() : ctx(Limits{}) {}  // a call of connect() follows
+    Machine() : ctx(Limits{}) {}  // the test calls connect()
     void connect(std::vector<sim::Device> devices) {
         for (sim::Device& device : devices) {
             const auto n = segment.add(std::move(device).assemble());
@@ -43,7 +43,7 @@ struct Machine {
         segment.power_up(osal.now());
         EXPECT_TRUE(init(ctx, nic, osal));
     }
-    // "drive@7": with the alias 7. "io#7": a device of 8 inputs and outputs with the device id 7.
+    // "drive@7": a drive with the alias 7. "io#7": a device with 8 inputs, 8 outputs and the device id 7.
     static std::optional<sim::Device> make(const std::string& name) {
         namespace sii = wire::sii;
         if (const auto at = name.find('#'); at != std::string::npos) {

@@ -1,4 +1,4 @@
-// What is read as a file, and that nothing waits for a program that writes.
+// Which names read_file() accepts. It never waits for a program that writes.
 #include <margay/files/text_place.hpp>
 
 #include "replay/files.hpp"
@@ -16,7 +16,7 @@
 namespace margay::files {
 namespace {
 
-// Ends the wait of a reader that opens the FIFO. So a fault gives a wrong text, and the test does not hang.
+// Ends the wait of a reader that opens the FIFO, so that the test fails with a wrong text and does not hang.
 class Waker {
   public:
     explicit Waker(const std::string& fifo)
