@@ -127,7 +127,9 @@ struct RingLookTest : testing::Test {
             (void)segment.add(std::move(device).assemble());
             ASSERT_TRUE(n == 0 || n == 3 || segment.connect({n - 1, 1}, {n, 0}));
         }
-        if (branch) ASSERT_TRUE(segment.connect({0, 2}, {3, 0}));
+        if (branch) {
+            ASSERT_TRUE(segment.connect({0, 2}, {3, 0}));
+        }
         ASSERT_TRUE(segment.connect_master({0, 0}, swapped ? 1 : 0));
         ASSERT_TRUE(segment.connect_master({2, 1}, swapped ? 0 : 1));
         segment.power_up(osal.now());
@@ -160,7 +162,9 @@ TEST_F(RingLookTest, SlavesAtABranchThatOnlyTheFramesFromTheEndReach) {
         const auto seen = look_at_states(*nics[0], osal, &*nics[1]);
         ASSERT_EQ(seen.size(), 4U);
         EXPECT_EQ(std::ranges::count(seen, states[3]), 1);
-        if (!swapped) EXPECT_EQ(seen, states);
+        if (!swapped) {
+            EXPECT_EQ(seen, states);
+        }
     }
 }
 
