@@ -1,4 +1,4 @@
-// Mail for listeners without a segment, for harnesses.
+// Mail for listeners without a segment, for fuzz harnesses.
 #pragma once
 
 #include "client_input.hpp"
