@@ -39,7 +39,7 @@ foreach(v 1 2)
   endforeach()
 endforeach()
 
-# A program that loads the interface in a plugin while it runs.
+# A program that loads a plugin with the interface at run time.
 if(NOT MARGAY_SANITIZE)
   margay_compat(compat_load_plugin ${CMAKE_DL_LIBS} load_plugin.c)
   foreach(v 1 2)
@@ -153,7 +153,7 @@ if(TARGET virtual_segment)
   margay_far_test(compat/soem2_simple_over_veth drives compat_soem2_simple ecat-m 200 1)
 endif()
 
-# The places of the data of slaves, compared with those of the original masters.
+# The places of the data of slaves, compared with the places in the original masters.
 margay_compat(compat_soem1_layouts margay_soem1 layouts.c)
 margay_compat(compat_soem2_layouts margay_soem2 layouts.c)
 target_compile_definitions(compat_soem2_layouts PRIVATE SOEM2)
