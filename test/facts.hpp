@@ -5,7 +5,8 @@
 
 namespace margay {
 
-// The facts of a slave, writable. The slaves of a context are not constant objects, so that the cast is defined.
+// Returns the facts of a slave as writable. The slaves of a context are not constant objects, so the cast has defined
+// behaviour.
 inline Slave& facts(const Slave& slave) { return const_cast<Slave&>(slave); }
 
 }  // namespace margay

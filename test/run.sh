@@ -1,18 +1,20 @@
 #!/bin/sh
-# Builds everything and runs all tests. In build/, without sanitizers: the tests that measure optimised code, execute programs or
-# need real time, and those of a whole segment. In build-sanitized/, under AddressSanitizer and UndefinedBehaviorSanitizer: all
-# tests that can run there. In build-threads/, under ThreadSanitizer: the tests with threads. Stops at the first of these runs that
-# fails. A test that fails runs once more when all others have ended: a machine that others use too may keep a program of a test
-# from the processor for longer than the test waits. The last lines name such a test. A report of a sanitizer always fails the run.
+# Builds everything and runs all tests. In build/, without sanitizers: the tests that measure optimised code, execute
+# programs or need real time, and the tests of a whole segment. In build-sanitized/, under AddressSanitizer and
+# UndefinedBehaviorSanitizer: all tests that can run there. In build-threads/, under ThreadSanitizer: the tests with
+# threads. Stops at the first of these runs that fails. A test that fails runs once more when all others have ended,
+# because other programs on the machine may delay a test for longer than the test waits. If the test passes then, the
+# last lines name it. A report of a sanitizer always fails the run.
 #
 #   sh test/run.sh [--quick] [--no-skips] [-R REGEX | another of -E -L -LE -I -N -V -VV of ctest] [-- options of ctest …]
 #
-#   --quick      all tests run in build/ only; leaves out the sanitizers (the fuzz harnesses too), clang, and the builds of
-#                all build types
+#   --quick      all tests run in build/ only, without the sanitizers, the fuzz harnesses, clang, and the builds of all
+#                build types
 #   --no-skips   a test that is skipped fails the run
 #
-# Tests that lack something (tshark, clang 16, a compiler for another processor, QEMU, Chromium, network namespaces) are skipped and
-# say so. The last lines say how long each step took and repeat ctest's summaries; after a failure they show the failed tests.
+# Tests that lack something (tshark, clang 16, a compiler for another processor, QEMU, Chromium, network namespaces) are
+# skipped and print the reason. The last lines are the time of each step and ctest's summaries. After a failure the last
+# lines show the failed tests.
 set -eu
 cd "$(dirname "$0")/.."
 . samples/packages.sh
@@ -61,7 +63,7 @@ export CCACHE_DEPEND=1
 records=$(mktemp -d)
 trap 'rm -rf "$records"' EXIT
 
-# step NAME COMMAND …: runs the command and keeps its name, its seconds by the clock and its processor seconds.
+# step NAME COMMAND …: runs the command and stores its name, its duration and its processor time in seconds.
 step() {
     name=$1
     shift
@@ -79,7 +81,7 @@ step() {
     return $status
 }
 
-# failures: the failed tests of ctest's log and the beginning of the output of each, without the tests that passed.
+# failures: prints the failed tests of ctest's log with the beginning of their output.
 failures() {
     awk '
         /^ *[0-9]+\/[0-9]+ Test +#/ { failed = /\*\*\*/ && !/\*\*\*Skipped/; left = 40 }
@@ -107,8 +109,9 @@ run() {
         shift
     done
     shift
-    # A folder with only a cache comes from a failed attempt: the cache would keep the compiler and the flags of that attempt.
-    # With Ninja the sources of one target do not wait for another target. A folder that make has begun stays with make.
+    # A folder that has only a cache comes from a failed attempt. The cache would keep the compiler and the flags of
+    # that attempt. With Ninja the sources of one target do not wait for another target. A folder that was configured
+    # for make stays with make.
     if [ ! -e "$folder/Makefile" ] && [ ! -e "$folder/build.ninja" ]; then
         rm -rf "$folder/CMakeCache.txt" "$folder/CMakeFiles"
         ! command -v ninja >/dev/null 2>&1 || settings="-G Ninja $settings"
@@ -118,11 +121,12 @@ run() {
         -DMARGAY_TEST_PROCESSORS=2 -DMARGAY_BUILD_ONCE=ON -DMARGAY_WERROR=ON $settings
     step "$folder: build" cmake --build "$folder" --parallel "$(compilers)"
     : >"$records/log"
-    # A test that computes counts as two, so that no more of them run than there are processors. One that waits counts as one.
+    # A test that computes counts as two, so that no more of these tests run than there are processors. A test that
+    # waits counts as one.
     step "$folder: tests" ctest --test-dir "$folder" --parallel $((2 * $(nproc))) --output-on-failure \
         --output-log "$records/log" "$@" || failed_alone "$folder" || { echo "Failed in $folder:"; failures; exit 1; } >&2
     sed -n "s|^[0-9]*% tests passed.*|$folder: &|p" "$records/log" >>"$records/summaries"
-    # ctest names the tests that it skipped. Where an entry of ctest is many tests, their output names them.
+    # ctest names the entries that it skipped. If an entry contains many tests, the output names the skipped tests.
     grep '(Skipped)$' "$records/log" >"$records/skipped" || true
     case $settings in *TEST_SHARDS=[1-9]*)
         sed -n 's|^\[  SKIPPED \] \([^ ]*\.[^ ]*\)$|  \1 (Skipped)|p' "$folder/Testing/Temporary/LastTest.log" \
@@ -137,15 +141,16 @@ run() {
     fi
 }
 
-# In build/ each source of the core is compiled alone: its archives are what is installed.
+# In build/ each source of the core is compiled alone, because the archives of this build are installed.
 if [ $quick = yes ]; then
     run build -DMARGAY_UNITY=tests -DMARGAY_TEST_PROGRAMS=all -- -LE 'build_types|sanitized' "$@"
 else
-    # A sanitized program takes long to start. Arguments can select single tests: then each test is an entry of ctest.
+    # A sanitized program takes long to start, so each program is four entries of ctest. With arguments, which can
+    # select single tests, each test is an entry.
     shards=4
     [ $# -eq 0 ] || shards=0
-    # clang compiles sanitized code in less time than GCC, and this build is then the one that proves that clang's Debug has no warning.
-    # The linker of LLVM links a sanitized program in a third of the time.
+    # clang compiles sanitized code in less time than GCC. This build then also proves that clang's Debug has no
+    # warning. LLVM's linker links a sanitized program in a third of the time.
     compiler=
     nested_clang=ON
     echo 'int main() {}' >"$records/program.cpp"
@@ -155,7 +160,7 @@ else
         if clang++-16 -fuse-ld=lld -fsanitize=address,undefined -o "$records/program" "$records/program.cpp" 2>/dev/null; then
             compiler="$compiler -DCMAKE_EXE_LINKER_FLAGS=-fuse-ld=lld"
         fi
-        # A folder keeps its compiler.
+        # A build folder cannot change its compiler.
         if [ -e build-sanitized/CMakeCache.txt ] && ! grep -q '^CMAKE_CXX_COMPILER:.*clang' build-sanitized/CMakeCache.txt; then
             rm -rf build-sanitized
         fi

@@ -1,4 +1,4 @@
-// The osal of tests without threads: virtual time. In the program test_posix, PosixOsal and the time of the clock.
+// The osal of tests without threads: VirtualOsal with virtual time; PosixOsal with real time in the program test_posix.
 #pragma once
 
 #ifdef MARGAY_TEST_POSIX
@@ -7,7 +7,7 @@
 namespace margay {
 using TestOsal = PosixOsal;
 }
-// A machine can take time from a test, never give it time: what lasts `least` in virtual time lasts as long or longer.
+// Other programs may delay a test, so an operation in real time lasts as long as in virtual time or longer.
 #define EXPECT_LASTS(duration, least) EXPECT_GE(duration, least)
 #else
 #include "osal/virtual/virtual_osal.hpp"

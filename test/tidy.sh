@@ -1,6 +1,6 @@
 #!/bin/sh
-# Runs clang-tidy on the library and the samples. It needs minutes and is not part of run.sh. It needs build/ (sh
-# test/run.sh).
+# Runs clang-tidy on the library and the samples. The script takes several minutes and is not part of run.sh. It needs
+# the folder build/, which `sh test/run.sh` makes.
 #
 #   sh test/tidy.sh [regular expression of files …]
 set -eu

@@ -6,7 +6,8 @@ set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
 set(CPACK_PACKAGE_CONTACT "Margay developers <margay@localhost>")
 set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR}/packages)
 set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
-# The files are installed for /usr into a folder of CPack: the unit has the path of the installed program.
+# CPack installs the files with the prefix /usr into its own folder, so that the unit contains the path of the installed
+# program.
 set(CPACK_SET_DESTDIR ON)
 set(CPACK_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
@@ -42,7 +43,7 @@ if(TARGET margay_xdp)
   list(APPEND needed libxdp-dev libbpf-dev)
 endif()
 if(TARGET margay_soem1)
-  list(APPEND needed libfmt-dev libtomlplusplus-dev)  # of margay_source, which a program of SOEM links
+  list(APPEND needed libfmt-dev libtomlplusplus-dev)  # for margay_source, which a program for SOEM links
 endif()
 list(JOIN needed ", " needed)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libmargay-dev)

@@ -18,8 +18,8 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/margay-config-version.cma
 install(FILES ${PROJECT_BINARY_DIR}/margay-config.cmake ${PROJECT_BINARY_DIR}/margay-config-version.cmake
         DESTINATION ${folder})
 
-# One file for each part, named like the target with a dash: margay-linux.pc. margay.pc is the master. The folders are
-# given from the place of the file, so that an installation may be moved.
+# One file of pkg-config for each part, with the name of the target and a dash: margay-linux.pc. margay.pc is the
+# master. The folders are relative to the folder of the file, so that an installation can be moved.
 cmake_path(ABSOLUTE_PATH CMAKE_INSTALL_LIBDIR BASE_DIRECTORY ${CMAKE_INSTALL_PREFIX} OUTPUT_VARIABLE margay_libdir)
 cmake_path(ABSOLUTE_PATH CMAKE_INSTALL_INCLUDEDIR BASE_DIRECTORY ${CMAKE_INSTALL_PREFIX} OUTPUT_VARIABLE margay_includedir)
 set(pc_folder ${margay_libdir}/pkgconfig)
@@ -47,14 +47,14 @@ foreach(part IN LISTS parts)
   set(pc_libs -l${part})
   get_target_property(pc_requires ${part} MARGAY_LINK)
   if(part MATCHES "^margay_(linux|posix|bare)$" OR part STREQUAL "margay_pcap" OR part STREQUAL "margay_filters")
-    set(pc_requires margay)  # such a part is no use alone, and its name then says all that a master needs
+    set(pc_requires margay)  # such a part is used with the master only, so its name is sufficient for a program
   elseif(NOT pc_requires)
     set(pc_requires "")
   endif()
   string(REPLACE "_" "-" pc_requires "${pc_requires}")
   string(REPLACE ";" ", " pc_requires "${pc_requires}")
   if(part STREQUAL "margay_pcap")
-    set(pc_requires "${pc_requires}, libpcap")  # the part is a static library, so that each program links libpcap itself
+    set(pc_requires "${pc_requires}, libpcap")  # the part is a static library, so each program links libpcap itself
   endif()
   if(part STREQUAL "margay_xdp")
     set(pc_requires "margay-linux, libxdp, libbpf")

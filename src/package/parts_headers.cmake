@@ -1,8 +1,8 @@
 # cmake -DSOURCE=top -DFOLDER=where -P parts_headers.cmake
 #
-# Copies the headers of the parts to FOLDER/margay/parts. In the copies `#include "wire/esc.hpp"` is
-# `#include <margay/parts/wire/esc.hpp>`. A copy is written only when it changes, so that nothing is compiled without need.
-# Copies of headers that are gone are removed.
+# Copies the headers of the parts to FOLDER/margay/parts. In the copies `#include "wire/esc.hpp"` is `#include
+# <margay/parts/wire/esc.hpp>`. A copy is written only when it changes, so that no source is compiled without need.
+# Copies of removed headers are removed.
 cmake_minimum_required(VERSION 3.25)
 set(parts ${FOLDER}/margay/parts)
 set(wanted)

@@ -5,7 +5,7 @@ if(NOT MARGAY_INTERFACES_DIR AND EXISTS ${shared}/interfaces)
 endif()
 set(compat ${CMAKE_CURRENT_LIST_DIR})
 
-# margay_compat(NAME LIBRARY SOURCE…): one program, which must compile without a warning of a strict C compiler.
+# margay_compat(NAME LIBRARY SOURCE…): a program that is compiled with the warnings -Wall -Wextra.
 function(margay_compat name library)
   list(TRANSFORM ARGN PREPEND ${compat}/ OUTPUT_VARIABLE sources)
   add_executable(${name} ${sources})
@@ -39,7 +39,7 @@ foreach(v 1 2)
   endforeach()
 endforeach()
 
-# A program that loads the interface in a plugin while it runs.
+# A program that loads a plugin with the interface at run time.
 if(NOT MARGAY_SANITIZE)
   margay_compat(compat_load_plugin ${CMAKE_DL_LIBS} load_plugin.c)
   foreach(v 1 2)
@@ -52,7 +52,7 @@ if(NOT MARGAY_SANITIZE)
   endforeach()
 endif()
 
-# Programs on simulated segments. Those with one thread run in virtual time.
+# Programs on simulated segments. Most programs with one thread run in virtual time (list `virtual`).
 foreach(program simple tools firmware eeprom eeprom_loss eeprom_threads lost lost_address lost_clock loss partial closing ring edges masters low_level no_link silent clock_order mute services two_threads held_inputs cable closing_scan new_firmware)
   margay_compat(compat_soem1_${program} margay_soem1 ${program}.c)
 endforeach()
@@ -79,7 +79,7 @@ foreach(v 1 2)
   add_test(NAME compat/soem${v}_empty_group COMMAND compat_soem${v}_empty_group sim:coupler,drive)
   add_test(NAME compat/soem${v}_exceeded COMMAND compat_soem${v}_exceeded sim:mixed200)
   list(APPEND virtual compat/soem${v}_low_level compat/soem${v}_no_link compat/soem${v}_empty_group compat/soem${v}_exceeded)
-  # Asks the library which commands are sent.
+  # This program reads from the library which commands are sent.
   add_executable(compat_soem${v}_block_lrw ${compat}/block_lrw.cpp)
   target_link_libraries(compat_soem${v}_block_lrw PRIVATE margay_soem${v} margay_soem_session margay_flags)
   target_include_directories(compat_soem${v}_block_lrw PRIVATE ${PROJECT_SOURCE_DIR}/src)
@@ -138,13 +138,13 @@ foreach(segment demo drives dc_bench)
 endforeach()
 add_test(NAME compat/soem2_simple_demo COMMAND compat_soem2_simple sim:demo 200 0)
 add_test(NAME compat/soem2_simple_drives COMMAND compat_soem2_simple sim:drives 200 1)
-# At a cable, with the segment in another process.
+# Over a veth pair, with the segment in another process.
 if(TARGET virtual_segment)
   foreach(segment demo drives dc_bench)
     margay_far_test(compat/soem1_simple_${segment}_over_veth ${segment} compat_soem1_simple ecat-m 200)
   endforeach()
   margay_far_test(compat/soem1_tools_over_veth servodrives compat_soem1_tools ecat-m 2)
-  # An EEPROM is busy for some milliseconds: a cable is faster.
+  # The EEPROM is busy for some milliseconds, longer than a round trip over the veth pair.
   margay_far_test(compat/soem1_eeprom_over_veth ${compat}/eeproms.toml compat_soem1_eeprom ecat-m 2)
   margay_far_test(compat/soem1_low_level_over_veth drives compat_soem1_low_level ecat-m)
   margay_far_test(compat/soem1_partial_over_veth drives compat_soem1_partial ecat-m 3)
@@ -153,12 +153,13 @@ if(TARGET virtual_segment)
   margay_far_test(compat/soem2_simple_over_veth drives compat_soem2_simple ecat-m 200 1)
 endif()
 
-# The places of the data of slaves, compared with those of the original masters.
+# The places of the data of slaves, compared with the places in the original masters.
 margay_compat(compat_soem1_layouts margay_soem1 layouts.c)
 margay_compat(compat_soem2_layouts margay_soem2 layouts.c)
 target_compile_definitions(compat_soem2_layouts PRIVATE SOEM2)
-# 200 slaves and the entry for all are more than SOEM 2.0 has room for by default: EC_MAXSLAVE is 200. The original made the layout of this
-# segment in a build with more. The library does the same in a build with more.
+# 200 slaves and the entry for all slaves need more than the default EC_MAXSLAVE of SOEM 2.0, which is 200. The layout
+# of the original for this segment was made in a build with a larger EC_MAXSLAVE. So the library is also built with a
+# larger EC_MAXSLAVE.
 margay_soem(margay_soem2_large soem2)
 target_compile_definitions(margay_soem2_large PUBLIC MARGAY_SOEM2_MAXSLAVE=256)
 margay_compat(compat_soem2_layouts_large margay_soem2_large layouts.c)
@@ -192,7 +193,7 @@ endforeach()
 target_compile_definitions(compat_soem2_block_lrw PRIVATE SOEM2)
 set_tests_properties(${virtual} PROPERTIES ENVIRONMENT MARGAY_SIM_TIME=virtual)
 
-# ThreadSanitizer of each compiler sees that the kernel passes the lock on.
+# With each compiler, ThreadSanitizer understands that the kernel passes the lock to another thread.
 find_program(MARGAY_CLANG_TSAN NAMES clang++-16 clang++)
 foreach(case "gcc ${CMAKE_CXX_COMPILER}" "clang ${MARGAY_CLANG_TSAN}")
   separate_arguments(case UNIX_COMMAND "${case}")

@@ -1,6 +1,7 @@
-# cmake -DPREFIX=… -DWORK=… -DPROGRAMS=test/compat -P package.cmake: builds programs in C with the installed packages of the
-# interfaces, from a copy of the installation in another place: with the C compiler as linker and the flags of pkg-config, with and
-# without --static, and by find_package() in a project of the language C only. Each program runs on a simulated segment.
+# cmake -DPREFIX=… -DWORK=… -DPROGRAMS=test/compat -P package.cmake: builds programs in C with the installed packages of
+# the interfaces, from a copy of the installation in another place. The C compiler links the programs with the flags of
+# pkg-config, with and without --static. The programs are also built by find_package() in a project with the language C
+# only. Each program runs on a simulated segment.
 cmake_minimum_required(VERSION 3.25)
 function(run)
   execute_process(COMMAND ${ARGN} RESULT_VARIABLE failed OUTPUT_VARIABLE output ERROR_VARIABLE output)
@@ -32,7 +33,8 @@ if(pkgconfig)
       run(${WORK}/${interface}${static} ${${interface}_arguments})
     endforeach()
   endforeach()
-  # Only the headers of the package, also those with the folders of other versions.
+  # The include path has only the folder of the package. The headers can also be included with the folder names of other
+  # versions.
   execute_process(COMMAND ${pkgconfig} --cflags-only-I margay-soem1 OUTPUT_VARIABLE folders COMMAND_ERROR_IS_FATAL ANY)
   if(NOT folders MATCHES "^-I[^ ]+/margay-soem1[ \n]*$")
     message(FATAL_ERROR "the include path of margay-soem1: ${folders}")

@@ -1,4 +1,4 @@
-# Every function of the tables is in the README.
+# Checks that every function of the tables is in the README.
 file(READ ${README} readme)
 set(missing)
 set(functions 0)

@@ -1,5 +1,5 @@
-# cmake -DFILE=soem-config-version.cmake -P soem_versions.cmake: which versions find_package(soem) takes, and which version it finds.
-# Each item: the version that is asked for (none: -), and the version that is found (none: -).
+# cmake -DFILE=soem-config-version.cmake -P soem_versions.cmake: checks which versions find_package(soem) accepts, and
+# which version it finds. Each item has the requested version (none: -) and the found version (none: -).
 foreach(item "- 2.0" "1 1.4" "1.3 1.4" "1.3.3 1.4" "1.4 1.4" "1.4.0 1.4.0" "1.5 -" "1.9 -" "1.40 -" "2 2.0" "2.0 2.0" "2.0.0 2.0.0" "2.1 -" "2.9 -" "2.04 -" "3 -"
              "3.0 -" "0.9 -" "10 -" "14 -")
   separate_arguments(pair UNIX_COMMAND "${item}")

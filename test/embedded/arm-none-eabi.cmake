@@ -1,4 +1,5 @@
-# Toolchain file: Cortex-M without an operating system, static libraries only. MARGAY_CPU is cortex-m4, or another -mcpu of GCC.
+# Toolchain file: Cortex-M without an operating system, static libraries only. MARGAY_CPU is the value of GCC's option
+# -mcpu, by default cortex-m4.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR arm)
 set(MARGAY_CPU cortex-m4 CACHE STRING "The processor, as GCC calls it")

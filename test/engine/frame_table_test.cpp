@@ -10,8 +10,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// All cycles are lost, and a datagram beside them is answered each time. The reply of a cycle may come in the next
-// cycle, or later: it must not have the index of another one.
+// The frame of each cycle is lost, and a datagram beside the cycle is answered each time. The reply of a lost frame may
+// arrive in the next cycle or later. So the next frames must not have the index of the lost frame.
 TEST(FrameTable, TheIndexOfALostFrameRestsAlthoughFramesBesideItComeBack) {
     std::array<FrameSlot, 8> slots;
     FrameTable table(slots);

@@ -1,4 +1,4 @@
-// The link, with a far end whose answers are right, wrong, late, duplicated or missing.
+// The link. The replies of the far end are right, wrong, late, duplicated or missing.
 #include "engine/scripted_nic.hpp"
 #include "link/engine.hpp"
 #include "util/task.hpp"
@@ -157,7 +157,7 @@ TEST_F(LinkTest, LostIndexRestsEvenWhenAllOthersHaveBeenUsed) {
     }
 }
 
-// Every way in which a frame can be wrong: the link counts and drops it, and still accepts the right frame.
+// A frame with each kind of error: the link counts and drops this frame, and still accepts the right frame.
 TEST_F(LinkTest, WrongFramesAreCountedAndDropped) {
     Asked asked;
     OwnedTask task = ask(engine, asked, station(0x1001, 0x0130));
@@ -304,7 +304,7 @@ TEST_F(LinkTest, MoreFramesThanSlotsWaitTheirTurn) {
     for (const auto& a : asked) EXPECT_TRUE(a.done);
 }
 
-// A mailbox of the size in a wrong SII: no frame holds 1487 octets of data.
+// A wrong SII can contain a mailbox size that no frame can carry. The largest datagram has 1486 octets of data.
 TEST_F(LinkTest, DatagramThatNoFrameHoldsIsRefusedAndNothingBehindItIsStuck) {
     for (const std::size_t bytes : {wire::kMaxDatagramData + 1, std::size_t{1487}, std::size_t{2000}}) {
         nic.sent.clear();
@@ -407,7 +407,7 @@ TEST_F(LinkTest, NicThatTakesAFrameNowAndThenIsWaitedFor) {
     for (const Asked& a : asked) EXPECT_TRUE(a.done && a.reply.ok());
 }
 
-// The stuck datagrams have ended, and later datagrams have their whole timeout.
+// The datagram that waited for the NIC was destroyed. A later datagram has its whole timeout.
 TEST_F(LinkTest, NewQueueDoesNotInheritTheWaitOfAnOldOne) {
     auto old = std::make_unique<Asked>();
     OwnedTask forgotten = ask(engine, *old, station(1, 0x0130));

@@ -1,5 +1,5 @@
 // Reading and writing the EEPROM of one slave. The slave has only an SII interface (ETG.1000.4, registers
-// 0x0500–0x050F): it is busy for a time, returns four or eight octets, does not acknowledge some commands, loses
+// 0x0500–0x050F). The slave is busy for a time, returns four or eight octets, does not acknowledge some commands, loses
 // frames, and refuses writes.
 #include "station/sii_access.hpp"
 #include "engine/scripted_nic.hpp"
@@ -16,7 +16,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// The far end. Every frame returns after a fixed time; its datagrams are executed at the time of sending.
+// The far end. Each frame returns after a fixed time. The slave executes the datagrams at the time of sending.
 class SiiSlave final : public Nic {
   public:
     Time now{1s};
@@ -33,7 +33,7 @@ class SiiSlave final : public Nic {
     int missing_acknowledges = 0;
     int lose_frame = -1;  // the number of the frame that does not return
     std::vector<std::byte> eeprom = std::vector<std::byte>(4096);
-    int lost_of_each = 0;  // so many replies come too late before one comes in time
+    int lost_of_each = 0;  // this number of frames get no reply, then one frame gets a reply
     int frames = 0;
     std::map<std::uint32_t, int> reads;  // the number of reads of each word
 
@@ -164,8 +164,9 @@ TEST_F(SiiAccess, NearTheTimeOfTheEepromAndNearOneRoundTripABlock) {
     }
 }
 
-// A machine under load: replies come behind the timeout of their frames, so that the slave executes datagrams twice. A
-// look is executed again behind the order that is in the same frame.
+// A machine under load: some replies arrive after the timeout of their frames. The link sends these frames again, so
+// the slave executes their datagrams twice. A frame can contain a reading of the status and a read command: when the
+// frame is sent again, the slave returns the status after the command.
 TEST_F(SiiAccess, RepliesBehindTheTimeoutOfTheirFrames) {
     engine.link().settings.frame_timeout = 10ms;
     for (const int lost : {1, 2})

@@ -17,7 +17,7 @@
 namespace margay {
 namespace {
 
-// What an application can call of the rings and of the tasks that the library gives it.
+// The functions of rings and tasks that an application can call.
 template <class Ring>
 concept CanAdd = requires(Ring& ring) {
     ring.add({});

@@ -15,7 +15,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// A small arena searches its memory from the beginning and gives whole blocks; a large one has lists of powers of two.
+// A small arena searches its memory from the beginning and allocates whole blocks. A large arena allocates powers of
+// two, from a list for each power.
 class ArenaOfSize : public testing::TestWithParam<std::size_t> {};
 
 TEST_P(ArenaOfSize, GivesBackWhatItGaveUntilItIsWholeAgain) {
@@ -62,7 +63,7 @@ TEST_P(ArenaOfSize, GivesBackWhatItGaveUntilItIsWholeAgain) {
 
 INSTANTIATE_TEST_SUITE_P(All, ArenaOfSize, testing::Values(5000, 16 * 1024 - 64, 17 * 1024, 256 * 1024));
 
-// The frames of a program with one task need no more memory than they have octets, in whole blocks.
+// In a small arena a coroutine frame uses only its own octets, rounded up to whole blocks.
 TEST(Arena, ASmallOneIsUsedToItsLastBlock) {
     std::vector<std::byte> memory(Arena::memory_for(40 * 64));
     Arena arena(memory);
@@ -75,7 +76,8 @@ TEST(Arena, ASmallOneIsUsedToItsLastBlock) {
             left -= blocks;
         }
     }
-    // Two neighbours leave a place that no power of two fits.
+    // Two free neighbours of 3 and 5 blocks have room for 8 blocks, although the place does not begin at a multiple of
+    // 8.
     arena.release(held[1]);
     arena.release(held[2]);
     void* between = arena.allocate(8 * 64);
@@ -156,7 +158,7 @@ TEST_F(TaskTest, FullArenaIsAnErrorThatReachesTheCallerInTheNextPoll) {
     EXPECT_EQ(engine.arena().used_bytes(), 0U);
 }
 
-// Tries again without end: each attempt waits for a poll().
+// Tries again without end. After a failed attempt the sequence continues in the next poll().
 Task<Result<int>> try_again(Engine& engine, int& tries) {
     for (;;) {
         ++tries;
@@ -224,7 +226,7 @@ TEST_F(TaskTest, DestroyedCrewTakesItsMembersAlong) {
     EXPECT_EQ(engine.poll(now + 1s), kNever);
 }
 
-// What has happened, in order: the guards of sequences write their names when they are destroyed.
+// The events in their order. The guard of a sequence adds its name when the guard is destroyed.
 struct Trace {
     std::vector<std::string> entries;
     struct Guard {

@@ -1,5 +1,5 @@
 // The AoE client with any answers, and the listener for notifications with any mail. For any answer, a command must not
-// write behind its buffer, and must not report more octets than the buffer has.
+// write beyond its buffer, and must not report more octets than the buffer has.
 #include "mailbox/aoe.hpp"
 #include "unasked_mail.hpp"
 
@@ -42,7 +42,7 @@ void answer(Input& input, std::size_t what) {
     while (!input.empty()) {
         const Bytes taken = input.take(input.octet());
         std::vector<std::byte> data(taken.begin(), taken.end());
-        // A part of the answers has the right header.
+        // Some answers get the right header.
         if ((what & 4) != 0 && data.size() >= wire::aoe::kHeaderBytes) {
             wire::aoe::Layout::command::store(data, call.command);
             wire::aoe::Layout::flags::store(data, 5);

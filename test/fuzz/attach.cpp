@@ -1,7 +1,7 @@
-// The octets of a client of an AttachServer, through a socket, in pieces of any size: the messages, their arguments and
-// the requests that are made of them, which are executed on a simulated segment. The first octet selects: a client that
-// has said hello or not, and the settings of the server. No message is accepted that the limits exclude, the answer to
-// every request is one that the client's end can read, and the process data goes on.
+// Random octets from a client of an AttachServer, through a socket, in pieces of any size. The messages become
+// requests, which are executed on a simulated segment. The first octet selects whether the client has sent the hello
+// message, and the settings of the server. The server must not accept a message above the limits. A client must be able
+// to read each answer. The master must still send process data afterwards.
 #include "attach/client.hpp"
 #include "attach/connection.hpp"
 #include "client_input.hpp"
@@ -60,7 +60,7 @@ struct World {
         for (const Time end = osal.now() + 1ms; osal.now() < end;)
             osal.wait(std::min(poll(ctx, osal.now()), end), wire.wait_handle());
     }
-    // True: the request is over by itself.
+    // Returns true when the request ended before it was cancelled.
     bool run(Request& request) {
         for (int n = 0; n < 300 && request.busy(); ++n) cycle();
         const bool over = !request.busy();
@@ -77,7 +77,7 @@ void require_complete(Bytes answer, T value) {
     require(from.complete());
 }
 
-// What the client's end reads from answers of the operations that one struct describes.
+// Reads an answer as a client does. Only the operations below have answers that are checked.
 void read_answer(attach::Operation operation, Bytes answer) {
     using attach::Operation;
     switch (operation) {
@@ -100,7 +100,7 @@ void read_answer(attach::Operation operation, Bytes answer) {
     }
 }
 
-// As the server takes a message.
+// Executes a message as the server does.
 void take(World& world, Connection& client, const AttachSettings& settings) {
     const auto operation = client.operation();
     require(operation < attach::Operation::end);

@@ -1,4 +1,4 @@
-// What the fuzz harnesses of the clients share: the input, read piece by piece, and memory with a guard behind it.
+// Shared by several fuzz harnesses: the input, which is read piece by piece, and the check of the guard after a memory.
 #pragma once
 
 #include "util/bytes.hpp"

@@ -42,7 +42,7 @@ class Input {
 constexpr std::size_t kGuard = 16;
 constexpr std::byte kMark{0xA5};
 
-// Composes into a mailbox of `room` octets of data, and checks the marks behind it.
+// Composes into a mailbox of `room` octets of data, and checks the marks after these octets.
 void compose(MailClient& client, std::size_t room) {
     std::vector<std::byte> data(room + kGuard, kMark);
     const std::size_t bytes = client.compose(MutableBytes(data).first(room));

@@ -1,5 +1,5 @@
-// The reader of ENI files with random input: it ends, names a problem when it refuses, and what it has read describes
-// each slave once, with data inside the images.
+// The reader of ENI files with random input. The reader ends, and names a problem when it refuses a file. The result
+// has each slave number once, no start-up command without octets, and only variables of these slaves.
 #include <margay/files/eni.hpp>
 
 #include <cstdlib>

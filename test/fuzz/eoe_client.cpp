@@ -1,4 +1,5 @@
-// The client of EoE requests with any answers: it takes one only with the right type, and reads no octet behind it.
+// The client of EoE requests with any answers. The client accepts an answer only with the right type, and reads no
+// octet beyond the answer.
 #include "client_input.hpp"
 #include "mailbox/eoe.hpp"
 

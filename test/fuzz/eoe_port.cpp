@@ -1,6 +1,6 @@
-// The fragments of an EoePort: any fragments from a slave, and frames to a slave through any mailbox. The first octet
-// selects. A frame that arrives is as long as its fragments, no octet behind a memory is written, and each frame to the
-// slave is what the fragments that were composed make up.
+// The fragments of an EoePort: any fragments from a slave, and frames to a slave through a mailbox of any size. The
+// first octet selects the direction. A received frame has a permitted length. No octet beyond a memory is written. The
+// fragments of a sent frame, put together, are this frame.
 #include "client_input.hpp"
 #include "mailbox/eoe_relay.hpp"
 
@@ -55,7 +55,7 @@ void from_slave(Input& input, EoePort& port, EoeRelay& relay, const Watch& watch
 
 void to_slave(Input& input, EoePort& port, EoeRelay& relay) {
     std::vector<std::byte> room(wire::eoe::kLeastRoom + input.octet() * 8);
-    constexpr unsigned kMostFrames = 8;  // each goes in up to 48 fragments
+    constexpr unsigned kMostFrames = 8;  // each has up to 48 fragments
     for (unsigned n = 0; n < kMostFrames; ++n) {
         const Bytes head = input.take(2);
         if (head.size() < 2) return;

@@ -1,5 +1,5 @@
-// The reader of ESI files with random input: it ends, names a problem when it refuses, and what it has read can be made
-// into an SII image that is sound, and written and read again with the same image.
+// The reader of ESI files with random input. The reader ends, and names a problem when it refuses a file. Each device
+// gives an SII image or an error. A file that is written from the result has no additional devices.
 #include <margay/files/esi.hpp>
 
 #include "wire/sii_check.hpp"

@@ -15,7 +15,7 @@ using namespace margay::fuzzing;
 
 namespace {
 
-// A source and a sink that accept as many octets at a time as the input says.
+// A source that gives as many octets at a time as the input says.
 class FuzzSource final : public ByteSource {
   public:
     FuzzSource(Input& input, std::size_t bytes) : input_(input), left_(bytes) {}
@@ -46,7 +46,7 @@ void compose(FoeTransfer& transfer, std::size_t room) {
     require(std::equal(again.begin(), again.begin() + static_cast<std::ptrdiff_t>(bytes), data.begin()));
 }
 
-// An answer, mostly one with the right opcode and number, so that the conversation goes on.
+// Gives the transfer a reply. Half of the replies have the right packet number, so that the conversation continues.
 void answer(FoeTransfer& transfer, Input& input, std::uint32_t number) {
     const std::size_t kind = input.octet();
     std::vector<std::byte> data(6);
@@ -62,14 +62,14 @@ void answer(FoeTransfer& transfer, Input& input, std::uint32_t number) {
     for (const char c : transfer.request().slave_text()) require(c >= 0x20 && c < 0x7F);
 }
 
-// `late`: so many answers to earlier transfers may come.
+// `late`: the number of late replies to earlier transfers that may arrive.
 void converse(FoeTransfer& transfer, Input& input, std::size_t room, std::uint32_t first, unsigned late = 0) {
     std::uint32_t number = first;
     while (!input.empty() && !transfer.over()) {
         if (!transfer.prepare() || transfer.over()) continue;
         compose(transfer, room);
-        if (!transfer.awaits_reply()) {  // the end, or the file is read or the request is sent again
-            // While the frame with this message is lost, replies are offered.
+        if (!transfer.awaits_reply()) {  // this message ends the transfer in the slave
+            // While the frame with this message is lost, replies may arrive.
             if (late != 0 && (input.octet() & 1) != 0) answer(transfer, input, number);
             if (!transfer.over()) transfer.finish();
             number = first;

@@ -1,7 +1,7 @@
-// The octets of two clients of the mailbox gateway, up to the slaves of a simulated segment: a device with CoE, one
-// with SoE, one with VoE, and the objects of the master. The first octet of each piece says which client sends it and
-// how long it is. Every reply must be one frame with one message to an address that was named, the work ends by itself,
-// and afterwards a correct upload gets its correct reply.
+// Random octets from two clients of the mailbox gateway to the objects of the master and to the slaves of a simulated
+// segment: a device with CoE, one with SoE and one with VoE. The first octet of each piece contains the client that
+// sends the piece and the length of the piece. Each reply must be one frame with one complete message. All requests
+// must end within their timeouts. Afterwards, a correct upload must get its correct reply.
 #include "client_input.hpp"
 #include "gateway/router.hpp"
 #include "osal/virtual/virtual_osal.hpp"
@@ -31,7 +31,7 @@ struct Receiver final : gateway::Client {
         return true;
     }
     [[nodiscard]] bool takes_replies() const override { return true; }
-    // Of a stream: complete frames, and what is left.
+    // Passes the complete frames of a stream to the router and keeps the rest. Returns false when a frame is wrong.
     bool take(gateway::Router& router, Bytes octets, gateway::Moment now) {
         in.insert(in.end(), octets.begin(), octets.end());
         while (router.has_room(*this)) {
@@ -76,7 +76,7 @@ struct World {
         osal.wait(std::min(next, osal.now() + 1ms), -1);
         segment.advance(osal.now());
     }
-    // Until nothing of the clients is left, which takes no longer than the timeouts.
+    // Continues until the router has no requests of the clients. This must not take longer than the timeouts.
     template <class... C>
     void finish(gateway::Router& router, const C&... clients) {
         for (const Time end = osal.now() + 10s; (router.uses(clients) || ...);) {
@@ -100,7 +100,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         at += piece.size();
         Receiver& client = clients[head & 1];
         if (!client.take(router, piece, world.moment())) {
-            // What the server does with such a connection.
+            // The server ends such a connection.
             router.remove(client);
             client.in.clear();
             router.add(client);
@@ -118,7 +118,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     coe::SdoLayout::command::store(upload, coe::sdo::command(coe::request::kUpload));
     coe::SdoLayout::index::store(upload, 0x1018);
     coe::SdoLayout::subindex::store(upload, 1);
-    // A slow object may be at work in the device.
+    // The device may still be busy with a slow object.
     for (int tries = 0; tries < 200; ++tries) {
         router.receive(good, {.header = {.address = 0x1001, .type = MailboxType::coe, .counter = 5}, .data = upload},
                        world.moment());

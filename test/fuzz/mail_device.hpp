@@ -110,7 +110,7 @@ inline constexpr SoeParameter kParameters[] = {
 };
 static_assert(well_formed(kParameters, DriveValues::bytes));
 
-// Every second command ends at once, every third fails. Written values are checked against the bounds.
+// Every second command ends at once, and every third of these succeeds. Written values are checked against the bounds.
 class Axis final : public SoeApplication {
   public:
     SoeError before_write(const SoeAccess& access, Bytes value) override {
@@ -165,7 +165,7 @@ class Store final : public FoeStore {
     unsigned calls_ = 0;
 };
 
-// Answers each message of vendor 1 as often as its type says.
+// Sends each message back as often as the low three bits of its vendor type say. Only vendor 1 is known.
 class Voice final : public VoeApplication {
   public:
     bool received(VoeServer& server, const VoeHeader& header, Bytes data, Time) override {
@@ -174,7 +174,7 @@ class Voice final : public VoeApplication {
     }
 };
 
-// Sends each frame back, and keeps parameters and filter.
+// Sends each frame back, and stores the IP parameters and the filter.
 class Net final : public EoeApplication {
   public:
     void received(EoeServer& server, Bytes frame, Time) override {
@@ -203,7 +203,7 @@ class Net final : public EoeApplication {
     EoeFilter filter_;
 };
 
-// 64 octets at index group 1; what is read as group 2 changes each time.
+// Index group 1 has 64 octets. Each read of index group 2 returns another value.
 class Cell final : public AoeDevice {
   public:
     AoeError read(AoeIndex index, MutableBytes into, std::size_t& bytes, Time) override {
@@ -238,7 +238,7 @@ class Author final : public testing::ReportingApplication<2, 3, 2> {
     std::array<std::byte, 600> vast{};
 };
 inline HookAnswer slow(const ObjectAccess& access) {
-    // Returns busy at every second moment.
+    // Busy in every second millisecond.
     return (access.now.time_since_epoch().count() / 1'000'000) % 2 == 0 ? HookAnswer::later(access.now + 1ms)
                                                                         : HookAnswer(Abort::none);
 }
@@ -268,7 +268,7 @@ class Input {
 
 class MailDevice {
   public:
-    // Makes the size of both mailboxes from the octet `size`: 16 to 256.
+    // The octet `size` selects the size of both mailboxes: 16 to 256 octets.
     MailDevice(std::uint8_t size, bool boot) : bytes_(static_cast<std::uint16_t>(std::max(16, (size & 0x3F) * 4 + 4))) {
         axis_.server = &soe_;
         drives_[0].restore_defaults();
@@ -328,7 +328,7 @@ class MailDevice {
             step();
             idle = fetch_reply().empty() ? idle + 1 : 0;
         }
-        // Reads the device type, or a file that does not exist, depending on the protocol of the state.
+        // In BOOT the request reads a file that does not exist. In all other states it reads the device type.
         std::array<std::byte, 10> request{};
         if (boot) {
             request[0] = std::byte{1};
@@ -337,11 +337,11 @@ class MailDevice {
             request[2] = std::byte{0x40};
             wire::coe::SdoLayout::index::store(request, 0x1000);
         }
-        const std::uint8_t no_counter = 0;  // as a master that starts again does
+        const std::uint8_t no_counter = 0;  // like a master that starts again
         const auto type = boot ? wire::MailboxType::foe : wire::MailboxType::coe;
         require(hand_.put(hand_.message(type, Bytes(request).first(boot ? 6 : 10), no_counter)));
         Bytes reply;
-        for (int steps = 0; reply.empty() && steps < 20; ++steps) {  // notifications may be queued before it
+        for (int steps = 0; reply.empty() && steps < 20; ++steps) {  // notifications may precede the reply
             step();
             reply = fetch_reply();
         }

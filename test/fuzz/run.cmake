@@ -13,7 +13,7 @@ set(most 1600)
 if(PROGRAM MATCHES "fuzz_(esi|eni)$")
   set(most 12000)
 endif()
-# Each input is seconds of virtual time on a segment.
+# Each input takes seconds of virtual time on a segment.
 set(runs 20000)
 if(PROGRAM MATCHES "fuzz_(attach|gateway)$")
   set(runs 2000)

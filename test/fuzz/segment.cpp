@@ -1,7 +1,7 @@
-// Random octets as frames, for a segment whose registers they can write in any way: overlapping SyncManagers, FMMUs
-// beyond the memory, SII and clock registers. The input is a sequence of frames, each after its length in two octets.
-// The segment has a coupler, a terminal, a device with mailbox and program, a device with all features switched off,
-// and a second master port.
+// A segment receives random octets as frames. The frames can write the registers in any way: overlapping SyncManagers,
+// FMMUs beyond the memory, SII and clock registers. The input is a sequence of frames. Each frame follows two octets
+// with its length. The segment has a coupler, a terminal, a device with mailbox and program, a device with all features
+// switched off, and a second master port.
 #include "sim/segment.hpp"
 #include "sim/devices.hpp"
 #include "wire/sii_writer.hpp"

@@ -1,5 +1,6 @@
-// The readers of the SII with random input: their results are inside the input, they end, the strict check and the
-// readers agree, and a fixed part that is written again is read with the same result.
+// The readers of the SII with random input. The readers end, and their results are inside the input. The strict check
+// reports the same findings to a short list and to a long list. A fixed part that is read and written has the same
+// octets again, except the checksum.
 #include "wire/sii_category.hpp"
 #include "wire/sii_check.hpp"
 
@@ -64,7 +65,7 @@ void check_categories(Bytes image) {
         require(found->content.data() == image.data() + found->place.word * std::size_t{2});
         require(within(found->content, image));
         last = found->place.word;
-        // Each reader with each content, because the image alone decides the type.
+        // Each reader reads each content, because the image alone determines the type of a category.
         check_strings(found->content);
         check_pdos(found->content);
         check_entries<sii::FmmuUses>(found->content);

@@ -1,4 +1,4 @@
-// Mail for listeners without a segment, for harnesses.
+// Mail for listeners without a segment, for fuzz harnesses.
 #pragma once
 
 #include "client_input.hpp"
@@ -23,7 +23,7 @@ class NoNic final : public Nic {
 class Post {
   public:
     explicit Post(MailListener& listener) { mailboxes_.listen(listener); }
-    // The octets are copied, so that a read behind their end is found.
+    // The octets are copied, so that AddressSanitizer finds a read beyond their end.
     bool deliver(MailboxType type, Bytes data) {
         const std::vector<std::byte> copy(data.begin(), data.end());
         return mailboxes_.offer({.slave = 1, .type = type, .data = copy});

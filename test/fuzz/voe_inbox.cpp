@@ -1,5 +1,6 @@
-// An inbox of VoE with any messages and reads, compared with a queue. The first octet is the size of its memory. Each
-// step begins with an octet: bit 7: read into as many octets as the other bits say; else: a message of that length.
+// An inbox of VoE with any messages and reads, compared with a queue. The first octet is the size of the inbox's
+// memory. Each step begins with an octet. If bit 7 is set, the other bits are the number of octets of a read. If not,
+// the octet is the length of a message that arrives.
 #include "unasked_mail.hpp"
 #include "wire/voe.hpp"
 

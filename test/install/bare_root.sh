@@ -1,6 +1,7 @@
 #!/bin/sh
-# bare_root.sh FOLDER PACKAGES: makes a small Debian 12 with systemd in FOLDER, for -D MARGAY_DEBIAN_ROOT=FOLDER, and installs what
-# the packages in the folder PACKAGES (build/nested/debian/packages) depend on. Downloads about 100 MB; needs root and debootstrap.
+# bare_root.sh FOLDER PACKAGES: makes a small Debian 12 with systemd in FOLDER, for -D MARGAY_DEBIAN_ROOT=FOLDER, and
+# installs the dependencies of the packages in the folder PACKAGES (build/nested/debian/packages). The script downloads
+# about 100 MB. It needs root and debootstrap.
 set -eu
 folder=$1 packages=$2
 mirror=${DEBIAN_MIRROR:-http://deb.debian.org/debian}

@@ -24,7 +24,7 @@ int main() {
     margay::SimulatedNic nic(segment, osal);
     margay::HostContext ctx;
     if (!connected || !init(ctx, nic, osal) || margay::library_version() != margay::kVersion) return 1;
-    // The slave cannot go to PREOP, because its EEPROM is blank; the error names it.
+    // The slave cannot go to PREOP, because its EEPROM is blank. The error names the slave.
     const auto found = config_init(ctx);
     const bool named = !found && found.error().slave == 1;
     return named && ctx.slaves().size() == 1 && ctx.slave(1).station_address.value == 0x1001 ? 0 : 1;

@@ -1,4 +1,4 @@
-// The program of another project for a real interface; the interface does not exist.
+// The program of another project for a real interface. The interface does not exist.
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 #include <margay/parts/osal/linux/linux_osal.hpp>

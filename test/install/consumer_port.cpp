@@ -1,4 +1,4 @@
-// A port of a user, compiled with the conformance suite from outside the tree: an Osal and a NIC of its own.
+// A user's port, compiled with the conformance suite from outside the tree. The port has its own Osal and its own NIC.
 #include "port/suite/port_suite.hpp"
 
 #include <margay/parts/osal/osal.hpp>
@@ -23,7 +23,7 @@ class OwnOsal final : public margay::Osal {
     }
 };
 
-// Nothing is connected.
+// Nothing is connected to this NIC.
 class OwnNic final : public margay::Nic {
   public:
     margay::SendStatus send(std::span<const std::byte>) noexcept override { return margay::SendStatus::failed; }

@@ -3,7 +3,7 @@
 #
 #   make      makes them in FOLDER/packages
 #   contents  their fields, dependencies and files
-#   dpkg      dpkg installs, verifies and purges them in a root of their own
+#   dpkg      dpkg installs, verifies and purges them in a separate root folder
 #   service   the unpacked programs: a simulated segment runs as a service, and ethercat finds it
 #   program   a program is compiled with the unpacked headers and archives
 set -eu
@@ -87,7 +87,7 @@ $(echo "$needed" | xargs dpkg-query -W -f '${Depends}\n' 2>/dev/null | sed 's/([
     dpkg-deb -c "$tools" | grep -Eq 'include/|\.a$' && fail "headers or archives in margay"
     dpkg-deb -c "$dev" | grep -q ' \./usr/bin/' && fail "programs in libmargay-dev"
     grep -q '^ExecStart=/usr/bin/margayd$' "$root/usr/lib/systemd/system/margayd.service" || fail "the path in the unit"
-    # Nothing that is read names the folder of the build.
+    # No text file contains the path of the build folder.
     ! grep -rIl "$build" "$root" || fail "files with the path of the build"
     readelf -S "$root/usr/bin/margayd" | grep -q '\.debug_info' && fail "margayd is not stripped"
     for script in postinst prerm postrm; do

@@ -1,6 +1,6 @@
 # cmake -DCHECK=what -DPREFIX=folder -DFOLDER=scratch -DSOURCE=test/install -DVERSION=version -P moved.cmake
 #
-# Copies an installation to another place and uses it from there, as `CHECK` says: pkg_config, component, programs.
+# Copies an installation to another place and uses the copy. CHECK is pkg_config, component or programs.
 cmake_minimum_required(VERSION 3.25)
 file(REMOVE_RECURSE ${FOLDER})
 file(MAKE_DIRECTORY ${FOLDER}/build)
@@ -8,7 +8,7 @@ file(COPY ${PREFIX}/ DESTINATION ${FOLDER}/moved)
 file(GLOB_RECURSE found ${FOLDER}/moved/margay.pc)
 cmake_path(GET found PARENT_PATH pc_folder)
 
-# The flags of pkg-config build programs, without any order that the user has to know.
+# The flags of pkg-config are sufficient to build programs. The user need not know the order of the archives.
 if(CHECK STREQUAL "pkg_config")
   find_program(pkg_config NAMES pkg-config)
   if(NOT pkg_config)
@@ -40,7 +40,8 @@ if(CHECK STREQUAL "pkg_config")
   endif()
 endif()
 
-# A component that does not exist is an error that names the components of the installation. Another version is an error too.
+# A component that does not exist causes an error, which names the components of the installation. Another version also
+# causes an error.
 if(CHECK STREQUAL "component")
   file(WRITE ${FOLDER}/CMakeLists.txt "cmake_minimum_required(VERSION 3.25)\nproject(wrong CXX)\n"
                                       "find_package(margay REQUIRED COMPONENTS linux nosuch)\n")
@@ -61,7 +62,7 @@ if(CHECK STREQUAL "component")
   endif()
 endif()
 
-# Programs find the ready-made segments beside them.
+# Programs find the ready-made segments of their installation.
 if(CHECK STREQUAL "programs")
   if(NOT EXISTS ${FOLDER}/moved/bin/slaveinfo)
     message("SKIPPED: the programs are not built")

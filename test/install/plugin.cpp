@@ -1,4 +1,4 @@
-// A shared object that has a master in it.
+// A shared object that contains a master.
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 

@@ -1,9 +1,10 @@
 #!/bin/sh
-# systemd.sh PACKAGES FOLDER ROOT: the Debian packages in the folder PACKAGES are installed where systemd is process 1, and the
-# service runs a simulated segment there: start, reload, capabilities, journal, restart, end, purge.
+# systemd.sh PACKAGES FOLDER ROOT: installs the Debian packages of the folder PACKAGES where systemd is process 1, and
+# checks the service there with a simulated segment: start, capabilities, journal, reload, restart, end, purge.
 #
-# systemd runs in namespaces and a control group of its own, without network, on a copy of ROOT in memory: `/` for the files of
-# this machine, or the folder of a Debian 12. Nothing outside is changed. FOLDER is for temporary files.
+# systemd runs in namespaces and a control group of its own, without network, on a copy of ROOT in memory: `/` for the
+# files of this machine, or the folder of a Debian 12. Nothing outside of the copy is changed. FOLDER is for temporary
+# files.
 set -eu
 packages=$1 folder=$2 source=$3
 work=$folder/systemd-$$
@@ -17,11 +18,11 @@ fail() {
 }
 skip() { echo "SKIPPED: $*"; exit 0; }
 
-# inside COMMAND …: executes it where systemd runs, as root.
+# inside COMMAND …: executes the command as root in the namespaces of systemd.
 inside() { nsenter -t "$pid" -m -u -i -n -p -C -r -w env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C "$@"; }
 
 finish() {
-    # Process 1 of a PID namespace takes all others with it.
+    # When process 1 of a PID namespace ends, the kernel ends all other processes of the namespace.
     [ -z "$pid" ] || kill -9 "$pid" 2>/dev/null || true
     [ -z "${outer:-}" ] || wait "$outer" 2>/dev/null || true
     n=0
@@ -88,14 +89,14 @@ for device in null zero full random urandom tty; do
 done
 mkdir dev/shm dev/pts margay-packages
 cp "$packages"/*.deb margay-packages/
-# Only what a system needs: the units that this machine has enabled, its programs' configuration and its log stay outside.
+# The copy has no enabled units, no masters in /etc/margay and no journal of this machine.
 rm -rf etc/systemd/system/* etc/margay var/log/journal
 printf 'margay-test\n' >etc/hostname
 : >etc/machine-id
 pivot_root . mnt
 exec chroot . sh -c 'umount -l /mnt && exec env -i container=margay-test /lib/systemd/systemd --unit=multi-user.target' </dev/null
 END
-# The tests of this run stay in their group; only the new process joins the new one.
+# This script stays in its control group. Only the new process joins the new control group.
 sh -c 'echo $$ >"$0/cgroup.procs" && exec unshare --mount --propagation private --pid --fork --kill-child --cgroup --uts --ipc --net \
     sh "$1/start.sh" "$1" "$2" "$3"' "$group" "$work" "$source" "$packages" >"$work/log" 2>&1 &
 outer=$!
@@ -144,7 +145,7 @@ done
 [ "$(status Seccomp)" = 2 ] || fail "no filter of system calls"
 user=$(inside id -u margay)
 [ "$(status Uid | awk '{ print $1 $2 $3 $4 }')" = "$user$user$user$user" ] || fail "the process runs as $(status Uid)"
-# What the unit forbids is forbidden: seen through the eyes of the service.
+# The restrictions of the unit are effective in the namespaces of the service.
 seen() { inside nsenter -t "$main" -m -r -w sh -c "$1"; }
 seen 'touch /usr/margay-was-here' 2>/dev/null && fail "/usr is writable for the service"
 socket=$(inside stat -c '%U %G %a' /run/margay/demo.sock)
@@ -170,7 +171,7 @@ inside systemctl reload margayd || fail "systemctl reload"
 until_true 60 "the changed master was not started again" sh -c "nsenter -t $pid -a journalctl --no-pager -u margayd -o cat |
     grep -cF 'demo: all is right: 5 slaves in OP' | grep -qx 2"
 [ "$(property MainPID)" = "$main" ] || fail "a reload has started another process"
-# A configuration with an error is refused by systemctl, and the service continues.
+# systemctl refuses a configuration with an error, and the service continues.
 printf 'source = "sim:demo"\ncycle_us = "often"\n' >"$work/configuration"
 configure
 inside systemctl reload margayd 2>/dev/null && fail "a wrong configuration is reloaded"

@@ -1,5 +1,5 @@
 #!/bin/sh
-# unit.sh PREFIX FOLDER: the unit margayd.service of the installation in PREFIX, checked by the tools of systemd.
+# unit.sh PREFIX FOLDER: checks the unit margayd.service of the installation in PREFIX with the tools of systemd.
 set -eu
 prefix=$1 folder=$2
 unit=$prefix/lib/systemd/system/margayd.service
@@ -11,10 +11,11 @@ rm -rf "$folder"
 mkdir -p "$folder"
 said=$(systemd-analyze verify --man=no --recursive-errors=no "$unit" 2>&1) || fail "systemd-analyze verify: $said"
 [ -z "$said" ] || fail "systemd-analyze verify: $said"
-# A fault is seen: the check itself works.
+# systemd-analyze reports a wrong unit, so the check works.
 sed 's/^Type=notify/Type=nonsense/; s/^ExecStart=.*/ExecStart=nowhere/' "$unit" >"$folder/margayd.service"
 said=$(systemd-analyze verify --man=no "$folder/margayd.service" 2>&1) && [ -z "$said" ] && fail "a wrong unit is accepted"
-# The capabilities, and no more; and what the unit may do is limited (0: nothing, 10: everything).
+# The unit has exactly these capabilities. Its exposure level is at most 3.5 (0: the unit may do nothing, 10:
+# everything).
 [ "$(sed -n 's/^CapabilityBoundingSet=//p' "$unit")" = 'CAP_NET_RAW CAP_NET_ADMIN CAP_CHOWN' ] || fail "capabilities"
 said=$(systemd-analyze security --offline=true --threshold=35 --no-pager "$unit" 2>&1) || fail "exposure: $said"
 echo "$said" | tail -n 1

@@ -14,7 +14,7 @@
 namespace margay::layers {
 namespace {
 
-// The number behind `mark` in a file of the project; a negative number when the file does not have `mark`.
+// The number after `mark` in a file of the project; a negative number when the file does not contain `mark`.
 double figure_after(const std::string& file, const std::string& mark) {
     std::ifstream in(MARGAY_SOURCE_DIR "/" + file, std::ios::binary);
     const std::string text(std::istreambuf_iterator<char>(in), {});
@@ -22,8 +22,8 @@ double figure_after(const std::string& file, const std::string& mark) {
     return at == std::string::npos ? -1 : std::strtod(text.c_str() + at + mark.size(), nullptr);
 }
 
-// The memory of one more slave, without the memory of its sequences. The tables of all slaves together are a whole
-// number of the greatest alignment, 16 octets at most: so 16 slaves have no remainder.
+// The memory of one more slave, without the memory of its sequences. The size of the tables of all slaves is a multiple
+// of the greatest alignment, which is at most 16 octets. So a difference of 16 slaves has no remainder.
 constexpr std::size_t bytes_of_a_slave(bool clocks) {
     Limits one{.slaves = 1, .tasks = 1, .clocks = clocks};
     Limits more = one;
@@ -41,7 +41,7 @@ TEST(Figures, TheMemoryOfAClockIsThatOfTheLimit) {
               static_cast<double>(bytes_of_a_slave(true) - bytes_of_a_slave(false)));
 }
 
-// embedded/sizes compares the table with the compiler; the comparison with SOEM repeats one row of it.
+// embedded/sizes prints the figures of the table. The comparison with SOEM repeats one row of the table.
 TEST(Figures, TheCodeSizeOfTheComparisonIsThatOfTheTable) {
     const double row = figure_after("README.md", "| … and SDO reading | ");
     EXPECT_GT(row, 0);

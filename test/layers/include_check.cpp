@@ -104,7 +104,7 @@ std::string outside_fault(const std::string& layer, const std::string& header) {
 
 // Public headers for systems with a heap. The library itself includes none of them.
 bool is_hosted(const std::string& path, const std::string& header) {
-    // Two headers pick a smaller header of a certain standard library where it is there.
+    // Two headers include a smaller header of one standard library if this library has it.
     if (path == "include/margay/detail/chrono.hpp") return header == "bits/chrono.h";
     if (path == "include/margay/detail/ranges.hpp") return header == "bits/ranges_base.h";
     return path.starts_with("include/margay/host_") && (header == "deque" || header == "vector");
@@ -140,7 +140,7 @@ std::optional<std::string> resolve(const Graph& files, const std::string& from, 
         tries.insert(tries.begin(), from.substr(0, from.rfind('/') + 1) + include.name);
         for (const auto* top : {"src/", "", "samples/", "test/"}) tries.push_back(top + include.name);
     }
-    // A user's spelling of a part: the build copies the headers of the parts below margay/parts.
+    // Users include the headers of the parts by this path, because the build copies them to margay/parts.
     constexpr std::string_view kParts = "margay/parts/";
     if (include.name.starts_with(kParts))
         for (const auto* top : {"src/", ""}) tries.push_back(top + include.name.substr(kParts.size()));
@@ -149,7 +149,8 @@ std::optional<std::string> resolve(const Graph& files, const std::string& from, 
     return {};
 }
 
-// Depth-first search. `path` holds the files on the present path; a file that occurs twice on it closes a circle.
+// Depth-first search. `path` contains the files of the current path. A file that occurs twice on the path closes a
+// circle.
 void find_circles(const Graph& graph, const std::string& file, std::vector<std::string>& path,
                   std::set<std::string>& done, Faults& faults) {
     if (const auto seen = std::find(path.begin(), path.end(), file); seen != path.end()) {

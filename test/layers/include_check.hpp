@@ -5,8 +5,8 @@
 
 namespace margay::layers {
 
-// Every include that goes to a higher layer, that bypasses the contract header of osal or oshw, that closes a circle,
-// that does not exist, or that is an external header which the layer must not use.
+// The faults: an include of a higher layer, an include that bypasses the contract header of osal or oshw, a circle of
+// includes, an include of a file that does not exist, and an external header that the layer must not use.
 Faults include_faults(const SourceTree& tree);
 
 }  // namespace margay::layers

@@ -1,4 +1,4 @@
-// README.md and test/README.md claim nothing without a test.
+// test/matrix.md and test/README.md claim nothing without a test.
 #include <places.hpp>
 #include "layers/matrix_check.hpp"
 

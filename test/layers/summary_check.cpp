@@ -121,7 +121,7 @@ class Comparison {
         return found != rows_.end() ? &*found : nullptr;
     }
 
-    // Whether an item of the last column, of this area if it is given, has the row.
+    // Returns whether an item of the last column has the row. `area`, if given, restricts the items.
     bool named(const Row& row, const std::optional<std::string>& area) const {
         return std::any_of(items_.begin(), items_.end(), [&](const auto& item) {
             return item.last && (!area || item.area == *area) &&

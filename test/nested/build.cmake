@@ -1,5 +1,6 @@
-# Configures SOURCE in FOLDER with DEFINE and builds TARGETS (empty: all targets). Skips when a program of NEEDS, or
-# a file where the name begins with "/", is missing. With MARGAY_WERROR=ON in DEFINE, fails when a warning would not be an error.
+# Configures SOURCE in FOLDER with DEFINE and builds TARGETS (empty: all targets). NEEDS are programs, and files whose
+# names begin with "/": the script skips when one is missing. With MARGAY_WERROR=ON in DEFINE, the script fails when a
+# target lacks -Werror.
 foreach(needed IN LISTS NEEDS)
   if(needed MATCHES "^/")
     set(found ${needed})
@@ -13,7 +14,7 @@ foreach(needed IN LISTS NEEDS)
   endif()
 endforeach()
 
-unset(ENV{CMAKE_GENERATOR})  # Makefiles: one compiler at a time, and they list the targets in the form below
+unset(ENV{CMAKE_GENERATOR})  # Makefiles start one compiler at a time, and list the targets in the form below
 set(settings)
 foreach(definition IN LISTS DEFINE)
   list(APPEND settings "-D${definition}")
@@ -26,7 +27,7 @@ endif()
 
 set(only)
 if(TARGETS)
-  # Parts that have no sources yet have no target.
+  # A part without sources has no target.
   execute_process(COMMAND ${CMAKE_COMMAND} --build ${FOLDER} --target help OUTPUT_VARIABLE known COMMAND_ERROR_IS_FATAL ANY)
   foreach(target IN LISTS TARGETS)
     if(known MATCHES "\\.\\.\\. ${target}\n")

@@ -1,4 +1,5 @@
-# Runs PROGRAM by EMULATOR; fails unless it ends with 0. Skips without the emulator, or where the program could not be built.
+# Executes PROGRAM with EMULATOR, and fails unless the program ends with 0. Skips when the emulator or the program is
+# missing.
 find_program(emulator ${EMULATOR})
 if(NOT emulator)
   message("SKIPPED: there is no ${EMULATOR}")

@@ -1,6 +1,7 @@
-# Compares the table of src/subdevice/README.md, which says what each feature of the slave stack needs on a Cortex-M4, with
-# the sizes of the objects in ARCHIVE: each object is in one row, and each row is right to 3 % or 16 octets (compilers of
-# one version differ by as much). No object divides numbers of 64 bits, or uses the heap. Skips without the compiler.
+# Compares the table of src/subdevice/README.md with the sizes of the objects in ARCHIVE. The table has the octets of
+# each feature of the slave stack on a Cortex-M4. Each object must be in one row. A row may differ by 3 % or by 16
+# octets, because compilers of one version differ by as much. No object may divide numbers of 64 bits or use the heap.
+# Skips without the compiler.
 cmake_minimum_required(VERSION 3.25)
 foreach(tool size nm)
   find_program(arm_${tool} arm-none-eabi-${tool})

@@ -1,10 +1,12 @@
-# Tests that build the project in another way: installed and used by another project, with the ARM compiler, with clang, with clang
-# for fuzzing. Each has its own build folder below build/nested. The folder is kept, so that only changed files are built again.
+# Tests that build the project in another way: installed and used by another project, with the ARM compiler, with clang,
+# with clang for fuzzing. Each test has a build folder below build/nested. The folder is kept, so that only changed
+# files are built again.
 
 # margay_nested(NAME SOURCE folder [NEEDS program_or_/file …] [DEFINE VAR=value …] [TARGETS target …] [FIXTURE name] [COST seconds]
 #               [FOLDER name] [AFTER fixture])
-# A test with a COST begins before the others, so that the run does not end with waiting for it. FOLDER: the build folder, if it
-# is that of another test too; AFTER is the fixture of that test. Tests with the same FOLDER never run at the same time.
+# A test with COST begins before the others, so that the run does not wait for it at the end. FOLDER: the build folder,
+# if several tests share it. AFTER: the fixture of the test that uses this folder first. Tests with the same FOLDER
+# never run at the same time.
 function(margay_nested name)
   cmake_parse_arguments(NESTED "" "SOURCE;FIXTURE;COST;FOLDER;AFTER" "NEEDS;DEFINE;TARGETS" ${ARGN})
   string(REPLACE "/" "_" folder ${name})
@@ -29,7 +31,8 @@ function(margay_nested name)
   endif()
 endfunction()
 
-# margay_emulated(NAME program EMULATOR name FIXTURE name): a program of another processor, run by QEMU's emulation of a process.
+# margay_emulated(NAME program EMULATOR name FIXTURE name): a program for another processor, executed by QEMU's
+# user-mode emulation.
 function(margay_emulated name program)
   cmake_parse_arguments(EMULATED "" "EMULATOR;FIXTURE" "" ${ARGN})
   add_test(NAME ${name} COMMAND ${CMAKE_COMMAND} -DPROGRAM=${program} -DEMULATOR=${EMULATED_EMULATOR}
@@ -48,7 +51,8 @@ margay_nested(install/consumer_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install
 set_tests_properties(install/consumer_builds PROPERTIES FIXTURES_REQUIRED prefix)
 add_test(NAME install/consumer_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer)
 set_tests_properties(install/consumer_runs PROPERTIES FIXTURES_REQUIRED consumer)
-# The pieces of README.md that need no real interface. A wrong change of the owner would hang.
+# The pieces of README.md that need no real interface. With a wrong change of the owner thread the program would not
+# end.
 foreach(program readme_pieces readme_threads)
   add_test(NAME install/consumer_${program}_runs
            COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer_${program})
@@ -75,7 +79,7 @@ endif()
 add_test(NAME install/consumer_port_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer_port)
 set_tests_properties(install/consumer_port_runs PROPERTIES FIXTURES_REQUIRED consumer TIMEOUT 60)
 
-# The installation in another place.
+# A copy of the installation in another place.
 foreach(check pkg_config component programs)
   add_test(NAME install/moved_${check}
            COMMAND ${CMAKE_COMMAND} -DCHECK=${check} -DPREFIX=${PROJECT_BINARY_DIR}/nested/prefix -DVERSION=${PROJECT_VERSION}
@@ -84,7 +88,7 @@ foreach(check pkg_config component programs)
   set_tests_properties(install/moved_${check} PROPERTIES FIXTURES_REQUIRED prefix SKIP_REGULAR_EXPRESSION "SKIPPED")
 endforeach()
 
-# The unit of the installed service, as systemd reads it.
+# The unit of the installed service, checked by the tools of systemd.
 if(MARGAY_SAMPLES)
   add_test(NAME install/unit COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/install/unit.sh ${PROJECT_BINARY_DIR}/nested/prefix
            ${PROJECT_BINARY_DIR}/nested/unit)
@@ -98,7 +102,7 @@ foreach(check make contents dpkg service program)
                    ${PROJECT_BINARY_DIR}/nested/debian ${CMAKE_CURRENT_SOURCE_DIR}/install)
   set_tests_properties(install/debian_${check} PROPERTIES FIXTURES_REQUIRED debian SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 600)
 endforeach()
-# The packages where systemd is process 1: on the files of this machine, and on a Debian that has nothing else.
+# The packages where systemd is process 1: with the files of this machine, and with a bare Debian.
 foreach(root systemd bare)
   set(files /)
   if(root STREQUAL "bare")
@@ -109,7 +113,7 @@ foreach(root systemd bare)
                    ${PROJECT_BINARY_DIR}/nested/debian_${root} "${files}")
   set_tests_properties(install/debian_${root} PROPERTIES FIXTURES_REQUIRED debian SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 600)
 endforeach()
-# After install/install, because both write the unit into the build folder.
+# install/debian_make follows install/install, because both write the unit into the build folder.
 set_tests_properties(install/debian_make PROPERTIES FIXTURES_SETUP debian FIXTURES_REQUIRED prefix)
 
 # Programs in C for the interfaces of other masters, linked by the C compiler.
@@ -120,19 +124,20 @@ if(TARGET margay_soem1 AND TARGET margay_ecrt)
   set_tests_properties(install/compat PROPERTIES FIXTURES_REQUIRED prefix TIMEOUT 300)
 endif()
 
-# The same by add_subdirectory(). The parts that these programs link are those of build_types/gcc_Debug.
+# Another project that uses the sources by add_subdirectory(). The build folder is also the folder of
+# build_types/gcc_Debug.
 set(gcc_Debug SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install FOLDER install_subdirectory_builds
     DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_UNITY=ON MARGAY_PCH=ON MARGAY_WERROR=ON MARGAY_PCAP=ON
            MARGAY_BUILD_ONCE=${MARGAY_BUILD_ONCE} CMAKE_BUILD_TYPE=Debug CMAKE_CXX_FLAGS_DEBUG=-g0)
 margay_nested(install/subdirectory_builds ${gcc_Debug} FIXTURE subdirectory COST 100 TARGETS consumer_linux consumer_readme consumer_port)
 
-# An option without the options that it needs is an error, and not left out without a word.
+# An option without the options that it needs is an error. CMake does not ignore such an option silently.
 add_test(NAME install/compat_needs COMMAND ${CMAKE_COMMAND} -S ${PROJECT_SOURCE_DIR} -B ${PROJECT_BINARY_DIR}/nested/compat_needs
          -DMARGAY_TESTS=OFF -DMARGAY_SAMPLES=OFF -DMARGAY_PCAP=OFF -DMARGAY_COMPAT=ON)
 set_tests_properties(install/compat_needs PROPERTIES PASS_REGULAR_EXPRESSION "MARGAY_COMPAT needs MARGAY_LINUX, MARGAY_PCAP")
 
-# The parts for an embedded system, with them the programs for a board that QEMU knows, which test/qemu runs, and a program for
-# each feature of the master. All three use the same archives.
+# For an embedded system: the parts, the programs for a board of QEMU, which test/qemu executes, and a program for each
+# feature of the master. All three tests use the same archives.
 set(board SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/embedded/sizes NEEDS arm-none-eabi-g++ FOLDER embedded_arm_builds COST 300
     DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_FREERTOS_DIR=${MARGAY_FREERTOS_DIR} MARGAY_WERROR=ON MARGAY_PCH=ON
            CMAKE_BUILD_TYPE=MinSizeRel CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
@@ -141,8 +146,9 @@ margay_nested(embedded/mps2_builds ${board} FIXTURE mps2_images AFTER arm_archiv
               TARGETS master count_cycle check_port master_freertos check_port_freertos sdo)
 margay_nested(embedded/sizes_builds ${board} FIXTURE size_programs AFTER arm_archives)
 
-# The same program for other processors; test/qemu runs the one for ARMv6-M, because a Cortex-M4 executes its code too. The
-# Cortex-M0+ and RISC-V with 32 bits lack operations that osal/bare/read_modify_write.cpp has.
+# The program `master` for other processors. test/qemu executes the program for ARMv6-M, because a Cortex-M4 also
+# executes this code. The Cortex-M0+ and RISC-V with 32 bits lack operations that osal/bare/read_modify_write.cpp
+# provides.
 set(master SOURCE ${PROJECT_SOURCE_DIR}/samples/mps2_an386 NEEDS arm-none-eabi-g++ TARGETS master COST 60
     DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_WERROR=ON MARGAY_PCH=ON MARGAY_UNITY=ON CMAKE_BUILD_TYPE=MinSizeRel
            MARGAY_BUILD_ONCE=${MARGAY_BUILD_ONCE}
@@ -170,7 +176,7 @@ foreach(suite wire engine segment)
                   EMULATOR qemu-s390x-static FIXTURE big_endian_programs)
 endforeach()
 
-# What each feature of the master needs on a microcontroller.
+# The memory that each feature of the master needs on a microcontroller.
 add_test(NAME embedded/sizes COMMAND ${CMAKE_COMMAND} "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_arm_builds"
          -P ${CMAKE_CURRENT_SOURCE_DIR}/embedded/sizes/table.cmake)
 set_tests_properties(embedded/sizes PROPERTIES FIXTURES_REQUIRED size_programs SKIP_REGULAR_EXPRESSION "SKIPPED")
@@ -181,14 +187,15 @@ add_test(NAME embedded/footprint
                  "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_arm_builds/board/margay" -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/footprint.cmake)
 set_tests_properties(embedded/footprint PROPERTIES FIXTURES_REQUIRED arm_archives SKIP_REGULAR_EXPRESSION "SKIPPED")
 
-# What each feature of the slave stack needs, compared with the table in its README.
+# The text of each feature of the slave stack, compared with the table in src/subdevice/README.md.
 add_test(NAME embedded/footprint_table
          COMMAND ${CMAKE_COMMAND} "-DREADME=${PROJECT_SOURCE_DIR}/src/subdevice/README.md"
                  "-DARCHIVE=${PROJECT_BINARY_DIR}/nested/embedded_arm_builds/board/margay/libmargay_subdevice.a"
                  -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/footprint_table.cmake)
 set_tests_properties(embedded/footprint_table PROPERTIES FIXTURES_REQUIRED arm_archives SKIP_REGULAR_EXPRESSION "SKIPPED")
 
-# The other compiler. In a complete run the sanitized build has it, and clang/builds is a test of that build (see test/CMakeLists.txt).
+# The build with clang. In a complete run, clang compiles the sanitized build, and clang/builds is a test of that build
+# (see test/CMakeLists.txt).
 option(MARGAY_NESTED_CLANG "A test builds all but the tests with clang" ON)
 if(MARGAY_NESTED_CLANG)
   margay_nested(clang/builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS clang++-16 COST 400
@@ -197,13 +204,14 @@ if(MARGAY_NESTED_CLANG)
   set_tests_properties(clang/builds PROPERTIES LABELS build_types)
 endif()
 
-# The parts in each build type by both compilers, warnings being errors. Two have no folder of their own: GCC's RelWithDebInfo
-# is the build that this file belongs to, clang's Debug is clang/builds. Debug information takes time and causes no warning.
-# GCC reports warnings at each level of optimisation, so it compiles each type completely. The warnings of clang come from its
-# front end: Debug is compiled completely, Release by the front end alone. RelWithDebInfo and MinSizeRel are the same for the front
-# end as Release, which tests show: the first has the same macros, the second one macro more, which no source and no header names.
-# This is the only build without precompiled headers: they hide that a unit lacks an include, and another project that adds
-# Margay as a subdirectory does not precompile headers.
+# The parts in each build type by both compilers, with warnings as errors. Two builds have no separate folder: GCC's
+# RelWithDebInfo is the build of this project, and clang's Debug is clang/builds. Debug information takes time and
+# causes no warning, so it is left out. GCC reports different warnings at each level of optimisation, so GCC compiles
+# each type completely. The warnings of clang come from its front end: Debug is compiled completely, Release by the
+# front end alone. For the front end, RelWithDebInfo and MinSizeRel are the same as Release, and tests check this:
+# RelWithDebInfo has the same macros, and MinSizeRel has one additional macro, which no source and no header uses.
+# clang's Release is the only build without precompiled headers. Precompiled headers hide a missing include, and another
+# project that adds Margay as a subdirectory does not precompile headers.
 set(flags_of_clang_Release CMAKE_PROJECT_margay_INCLUDE=${CMAKE_CURRENT_SOURCE_DIR}/nested/front_end.cmake MARGAY_PCH=OFF)
 set(gcc g++)
 set(clang clang++-16)
@@ -246,7 +254,7 @@ foreach(type Release RelWithDebInfo MinSizeRel Debug)
   endforeach()
 endforeach()
 
-# One harness a file; its corpus is read, never written.
+# Each file is one harness. The tests read the corpus and never write to it.
 margay_nested(fuzz/builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/fuzz NEEDS clang++-16 FIXTURE fuzz_programs COST 500
               DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_UNITY=ON MARGAY_PCH=ON)
 set_tests_properties(fuzz/builds PROPERTIES LABELS sanitized)

@@ -1,9 +1,11 @@
-# cmake -DCOMPILER=name -DONE=flags -DOTHER=flags [-DBUILD=folder] -P same_macros.cmake: fails when the compiler defines other macros
-# with the flags OTHER than with ONE. With the same macros and the same flags for warnings its front end reports the same warnings.
+# cmake -DCOMPILER=name -DONE=flags -DOTHER=flags [-DBUILD=folder] -P same_macros.cmake: fails when the compiler defines
+# other macros with the flags OTHER than with ONE. With the same macros and the same warning flags, the front end
+# reports the same warnings.
 #
-# With BUILD, __OPTIMIZE_SIZE__ may differ: then no file that the build with the flags ONE in that folder has read may name it, except
-# two headers of the C library. <math.h> looks at it in C only. <features.h> decides by it whether other headers of the system have
-# bodies of inline functions, and a compiler reports no warnings of headers of the system.
+# BUILD is the folder of a build with the flags ONE. With BUILD, __OPTIMIZE_SIZE__ may differ. Then no file that this
+# build has read may use the macro, except two headers of the C library: <math.h> uses it in C only, and <features.h>
+# selects by it whether other system headers have bodies of inline functions. A compiler reports no warnings for system
+# headers.
 cmake_minimum_required(VERSION 3.25)
 find_program(compiler ${COMPILER})
 if(NOT compiler)

@@ -1,6 +1,7 @@
-# cmake -DCOMMANDS=files [-DSTRICT=bool] -P warnings_are_errors.cmake: COMMANDS are files with the flags of compilations, one compilation
-# or target a line: compile_commands.json, or each flags.make. Fails when they name no target of ours, or one of them lacks -Werror.
-# Skips when STRICT is false. All sources of ours have -Wconversion.
+# cmake -DCOMMANDS=files [-DSTRICT=bool] -P warnings_are_errors.cmake: COMMANDS are files with the flags of one
+# compilation or one target in each line: compile_commands.json, or all files flags.make. Fails when the files have no
+# source of Margay, or when a source of Margay lacks -Werror. Skips when STRICT is false. The flag -Wconversion marks
+# the sources of Margay.
 if(DEFINED STRICT AND NOT STRICT)
   message("SKIPPED: this build has no MARGAY_WERROR=ON")
   return()

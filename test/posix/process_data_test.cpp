@@ -1,5 +1,5 @@
-// Process data in real time with PosixOsal: the waits of the master end when a reply has arrived, and a state that
-// needs several slaves and seconds is reached. No result depends on a duration: a machine may take time away.
+// Process data in real time with PosixOsal: the waits of the master end when a reply has arrived, and several slaves
+// reach OP. No result depends on a duration, because other programs may delay the test.
 #include "sim/process_data.hpp"
 #include "osal/posix/posix_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
@@ -35,7 +35,7 @@ class PosixProcessData : public testing::Test {
     sim::ProcessDataFirmware& device(std::uint32_t number) {
         return static_cast<sim::ProcessDataFirmware&>(*segment.slave(number - 1).firmware());
     }
-    // Cycles until `done`; false after a minute.
+    // Executes cycles until `done` returns true. Returns false after one minute.
     template <class Done>
     bool cycle_until(Done done) {
         const Time limit = osal.now() + 60s;

@@ -96,7 +96,8 @@ std::string Machine::uart() const { return content_of(file("uart")); }
 bool Machine::says(const std::string& text, std::chrono::seconds limit) {
     const auto until = std::chrono::steady_clock::now() + limit;
     for (;;) {
-        // Read first, so that the last output of the program is complete.
+        // Whether a program has ended is checked before the UART is read. So the output of an ended program is
+        // complete.
         const bool over = qemu_->ended() || segment_->ended();
         if (const auto at = uart().find(text, seen_); at != std::string::npos) {
             seen_ = at + text.size();

@@ -28,18 +28,18 @@ class Machine {
     // The reason why the machine cannot run here; empty: it runs.
     [[nodiscard]] const std::string& missing() const { return missing_; }
 
-    // Waits until the text appears on the UART, after the texts of earlier calls. Returns false when it has not come
-    // after `limit`, or when QEMU or the segment has ended.
+    // Waits until the text appears on the UART, after the texts of earlier calls. Returns false when the text has not
+    // appeared within `limit`, or when QEMU or the segment has ended.
     [[nodiscard]] bool says(const std::string& text, std::chrono::seconds limit = std::chrono::seconds(120));
     // Everything that the UART and the programs have printed, for the report of a failure.
     [[nodiscard]] std::string report() const;
     [[nodiscard]] std::string uart() const;
 
-    // A command of virtual_segment, and one of QEMU's monitor.
+    // Send a command to virtual_segment, or to QEMU's monitor.
     void tell_segment(const std::string& command) const;
     void tell_qemu(const std::string& command) const;
     [[nodiscard]] process::Child& segment() { return *segment_; }
-    // The octets of the memory of the board at this address, while the program runs.
+    // Reads octets of the board's memory at this address, while the program runs.
     [[nodiscard]] std::string memory(std::uint32_t address, std::uint32_t octets) const;
 
   private:

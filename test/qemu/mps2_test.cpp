@@ -15,7 +15,8 @@ using namespace std::chrono_literals;
 
 const std::string kBuild = "embedded_arm_builds/";
 
-// The whole way of an application. Each step ends with its outcome, however slow the machine is.
+// The work of an application from the scan to a loss of power. Each step waits for its outcome, so a slow machine does
+// not matter.
 void expect_whole_way(const std::string& image_name) {
     Machine machine(image_name);
     if (!machine.missing().empty()) GTEST_SKIP() << machine.missing();
@@ -25,13 +26,13 @@ void expect_whole_way(const std::string& image_name) {
     ASSERT_TRUE(machine.segment().says("slave 4 (drive): OP", 10s)) << machine.report();
     ASSERT_TRUE(machine.says("slave 4: vendor 0x")) << machine.report();
 
-    // Process data both ways.
+    // The program prints inputs that change.
     machine.tell_segment("set inputs 0 0x5a");
     ASSERT_TRUE(machine.says(": all right, first input 90")) << machine.report();
     machine.tell_segment("set inputs 0 0x11");
     ASSERT_TRUE(machine.says(": all right, first input 17")) << machine.report();
 
-    // A loss of power, twice. Afterwards all is as before: the state, the process data and the SDOs.
+    // Two losses of power. After each one, the state, the process data and the SDOs are as before.
     for (unsigned n = 0; n < 2; ++n) {
         machine.tell_segment("power off 4");
         ASSERT_TRUE(machine.says("event: slave 4: lost")) << machine.report();
@@ -46,10 +47,11 @@ void expect_whole_way(const std::string& image_name) {
 
 TEST(Mps2, AMasterWithoutASystemGoesTheWholeWay) { expect_whole_way(kBuild + "master"); }
 TEST(Mps2, AMasterInTwoTasksOfFreertosGoesTheWholeWay) { expect_whole_way(kBuild + "master_freertos"); }
-// A Cortex-M4 executes the code of a Cortex-M0+, whose atomic operations block interrupts.
+// A Cortex-M4 also executes the code of a Cortex-M0+. The atomic operations of this code block interrupts.
 TEST(Mps2, AMasterCompiledForArmv6MGoesTheWholeWay) { expect_whole_way("embedded_cortex_m0plus_builds/master"); }
 
-// The conformance suite on the board. Where it asks for the cable, QEMU's monitor unplugs it.
+// The conformance suite on the board. When the suite asks for the cable to be pulled out, QEMU's monitor sets the link
+// down.
 void expect_port_passes(const std::string& image_name, const std::string& verdict) {
     Machine machine(kBuild + image_name);
     if (!machine.missing().empty()) GTEST_SKIP() << machine.missing();
@@ -76,12 +78,12 @@ TEST(Mps2, TheInstructionsOfACycleAreCounted) {
     const auto line = all.substr(all.find("instructions of a cycle: "));
     const auto instructions = std::stoul(line.substr(line.find(": ") + 2));
     std::cout << "Cortex-M4, -Os: " << line;
-    // Those of x86-64: bench_cycle. A limit with some room keeps it from growing.
+    // bench_cycle counts the instructions on x86-64. The upper limit detects a larger number, with some tolerance.
     EXPECT_GT(instructions, 100u) << "something was left out";
     EXPECT_LT(instructions, 600u) << line;
 }
 
-// The address of a symbol of the linker script; 0: the compiler's tools are missing, or the symbol.
+// Returns the address of a symbol of the linker script, or 0 when arm-none-eabi-nm or the symbol is missing.
 std::uint32_t address_of(const std::string& symbol, const std::string& image_name) {
     std::string symbols;
     (void)process::run("arm-none-eabi-nm " + image(image_name).string(), &symbols);
@@ -92,8 +94,8 @@ std::uint32_t address_of(const std::string& symbol, const std::string& image_nam
                : static_cast<std::uint32_t>(std::stoul(symbols.substr(with_data - 8, 8), nullptr, 16));
 }
 
-// The program for SDO reading of test/embedded/sizes: 8 slaves, 24 KiB of RAM with the stack. Nothing else writes to
-// the stack, which is zero at the start; an interrupt at the deepest place adds to it.
+// The program for SDO reading of test/embedded/sizes: 8 slaves, 24 KiB of RAM with the stack. The memory above .bss is
+// zero at the start, and only the stack writes to it. An interrupt at the deepest place needs additional octets.
 TEST(Mps2, TheProgramForSdoReadingNeeds24KibWithItsStack) {
     const std::string name = kBuild + "sdo";
     Machine machine(name);
@@ -111,7 +113,7 @@ TEST(Mps2, TheProgramForSdoReadingNeeds24KibWithItsStack) {
     };
 
     ASSERT_TRUE(machine.segment().says("slave 4 (drive): OP", 120s)) << machine.report();
-    std::this_thread::sleep_for(2s);  // the SDO
+    std::this_thread::sleep_for(2s);  // the time for the SDO
     measure("after the bring-up and an SDO");
     for (const auto* slave : {"4", "2"}) {
         machine.tell_segment(std::string("power off ") + slave);

@@ -1,5 +1,5 @@
-# Runs some seeds of PROGRAM, the storm built with sanitizers. Fails when a sanitizer reports something, or when the program
-# does not reach its end.
+# Executes some seeds of PROGRAM, which is the storm with sanitizers. Fails when a sanitizer reports an error, or when
+# the program does not reach its end.
 execute_process(COMMAND ${PROGRAM} --seeds 40 --no-shrink --keep-going OUTPUT_VARIABLE words ERROR_VARIABLE words RESULT_VARIABLE ended)
 if(words MATCHES "AddressSanitizer|runtime error|Sanitizer:")
   message(FATAL_ERROR "${words}")

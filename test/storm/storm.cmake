@@ -39,7 +39,8 @@ if(MARGAY_SANITIZE STREQUAL "thread")
     set_target_properties(storm PROPERTIES EXCLUDE_FROM_ALL TRUE)
   endif()
 elseif(MARGAY_SANITIZE AND TARGET storm)
-  # The tests of the storm without sanitizers check its rules. With sanitizers only their reports count, and a few seeds are enough.
+  # The tests of the storm without sanitizers check its rules. The test with sanitizers checks only the reports of the
+  # sanitizers, and a few seeds are enough.
   add_test(NAME storm/sanitized COMMAND ${CMAKE_COMMAND} -DPROGRAM=$<TARGET_FILE:storm> -P ${CMAKE_CURRENT_LIST_DIR}/sanitized.cmake)
   set_tests_properties(storm/sanitized PROPERTIES TIMEOUT 1200 COST 200)
 endif()

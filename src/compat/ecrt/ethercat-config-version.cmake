@@ -1,4 +1,4 @@
-# Programs for both versions of the interface compile.
+# Programs for version 1.5 and for version 1.6 of the interface compile.
 set(PACKAGE_VERSION 1.6)
 if(PACKAGE_FIND_VERSION STREQUAL "" OR PACKAGE_FIND_VERSION VERSION_LESS 1.7)
   set(PACKAGE_VERSION_COMPATIBLE TRUE)

@@ -1,4 +1,5 @@
-# Both versions of the interface are here: 1.4, also for programs that want an older 1.x, and 2.0.
+# The package has two versions of the interface: 2.0, and 1.4, which is also used for programs that request an older
+# 1.x.
 set(PACKAGE_VERSION 2.0)
 if(PACKAGE_FIND_VERSION STREQUAL "")
   set(PACKAGE_VERSION_COMPATIBLE TRUE)

@@ -29,7 +29,8 @@ endfunction()
 margay_soem(margay_soem1 soem1)
 margay_soem(margay_soem2 soem2)
 
-# The structures of SOEM 2.0 have room for this many slaves, and one less can be used. Programs must be compiled with the same number.
+# EC_MAXSLAVE is the number of entries for slaves in the structures of SOEM 2.0. One entry less can be used. Programs
+# must be compiled with the same number.
 set(MARGAY_SOEM2_MAXSLAVE 200 CACHE STRING "EC_MAXSLAVE of the interface SOEM 2.0")
 set(soem2_definitions)
 if(NOT MARGAY_SOEM2_MAXSLAVE EQUAL 200)
@@ -37,7 +38,7 @@ if(NOT MARGAY_SOEM2_MAXSLAVE EQUAL 200)
   target_compile_definitions(margay_soem2 PUBLIC ${soem2_definitions})
 endif()
 
-# Programs of SOEM 1.4 include its headers with prefixes too.
+# Programs for SOEM 1.4 include its headers also with these prefixes.
 set(forwarding ${PROJECT_BINARY_DIR}/compat/soem1)
 file(GLOB headers RELATIVE ${PROJECT_SOURCE_DIR}/src/compat/soem1/include ${PROJECT_SOURCE_DIR}/src/compat/soem1/include/*.h)
 foreach(prefix soem soem_rsl soem_vendor)
@@ -54,7 +55,7 @@ add_library(margay::margay_soem1 ALIAS margay_soem1)
 add_library(margay::margay_soem2 ALIAS margay_soem2)
 
 if(MARGAY_INSTALL)
-  # A program in C names all archives and the C++ library, because its linker is that of C.
+  # A program in C names all archives and the C++ library, because the C compiler links it.
   set(soem_rest margay_files margay margay_sim margay_subdevice margay_filters margay_linux margay_pcap margay_wire)
   set(soem_system pcap fmt tomlplusplus pugixml stdc++ m pthread)
   if(TARGET margay_xdp)
@@ -91,7 +92,7 @@ Libs: -L\${libdir} @pc_libs@
   endforeach()
   install(DIRECTORY ${forwarding}/soem ${forwarding}/soem_rsl ${forwarding}/soem_vendor
           DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/margay-soem1 FILES_MATCHING PATTERN *.h)
-  # find_package(soem) finds it, as users of the originals have it in their builds.
+  # find_package(soem) works as in the builds of users of the original.
   list(JOIN soem_rest " " soem_rest_list)
   list(JOIN soem_system ";" soem_system_list)
   configure_file(${here}/soem-config.cmake.in ${PROJECT_BINARY_DIR}/soem-config.cmake @ONLY)

@@ -1,11 +1,11 @@
-# Programs for ecrt.h, in C as their users write them, each a test of its own: it ends with 0 when it has seen what it expects.
-# The segment is simulated and runs in real time, because the programs do.
+# Programs for ecrt.h, in C as their users write them. Each program is a test, and ends with 0 when everything is as
+# expected. The segment is simulated and runs in real time, because the programs run in real time.
 if(NOT TARGET margay_ecrt OR MARGAY_SANITIZE)
   return()
 endif()
 set(folder ${CMAKE_CURRENT_LIST_DIR})
 
-# margay_ecrt_program(NAME SOURCE …): with the warnings that users switch on.
+# margay_ecrt_program(NAME SOURCE …): a program, compiled with the warnings that users switch on.
 function(margay_ecrt_program name)
   list(TRANSFORM ARGN PREPEND ${folder}/)
   add_executable(${name} ${ARGN})
@@ -73,7 +73,7 @@ margay_ecrt_test(mixed ecrt_mixed sim:drive,digital_in_8,drive\#16,drive,drive\#
 
 margay_ecrt_test(machine ecrt_machine sim:digital_in_8\#7,drive,pulse_axis\#16,drive,drive\#99@6s)
 
-# Devices that come later, and positions that change.
+# Devices that appear later, and positions that change.
 foreach(scene tool equal_branches other_branches)
   margay_ecrt_test(places_${scene} ecrt_places sim:${folder}/${scene}.toml ${scene})
 endforeach()
@@ -86,7 +86,7 @@ set_tests_properties(compat/ecrt/said PROPERTIES
   PASS_REGULAR_EXPRESSION "position 1: [^\n]*0x9999.*configuration 0:0: [^\n]*state 1 to state 8.*configuration 0:5: a request of.*position 5: [^\n]*missing.*0x0037.*configuration 0:0: SDO request 0x9998:02: .*SDO request 0x9000:17: .*0:0: register request, 0x0f80: its memory.*register request, 0x0f80: its memory.*everything was said"
   FAIL_REGULAR_EXPRESSION "slave [0-9];out of range;SDO request 0x9998.*SDO request 0x9998")
 
-# The same programs at a cable, with the segment in another process.
+# The same programs over a veth pair, with the segment in another process.
 include(${folder}/../over_veth.cmake)
 function(margay_ecrt_far_test name program segment)
   margay_far_test(compat/ecrt/${name}_over_veth ${segment} ${program} ${ARGN})
@@ -117,7 +117,8 @@ target_include_directories(ecrt_copies PRIVATE ${PROJECT_SOURCE_DIR}/src)
 target_link_libraries(ecrt_copies PRIVATE margay_flags)
 margay_ecrt_test(copies ecrt_copies "")
 
-# What the facade sets in slaves and has no function to read: with the objects of the facade, which the library does not export.
+# Settings of slaves that no function of the facade reads. The program uses the objects of the facade, which the library
+# does not export.
 add_executable(ecrt_ip_stack ${folder}/ip_stack.cpp)
 target_include_directories(ecrt_ip_stack PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src)
 target_link_libraries(ecrt_ip_stack PRIVATE margay_ecrt_facade margay_flags)
@@ -147,7 +148,7 @@ target_include_directories(ecrt_words PRIVATE ${PROJECT_SOURCE_DIR}/src)
 target_link_libraries(ecrt_words PRIVATE margay_ecrt_facade margay_flags)
 margay_ecrt_test(words ecrt_words "")
 
-# The same with a segment in virtual time, which these programs open.
+# These programs also use the objects of the facade. They open their segment themselves, in virtual time.
 foreach(program flags moved late_outputs early_request after_silence starts requests_at_start far missing no_restart silent_scan)
   add_executable(ecrt_${program} ${folder}/${program}.cpp)
   target_include_directories(ecrt_${program} PRIVATE ${folder} ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
@@ -172,19 +173,19 @@ margay_ecrt_test(requests_at_start ecrt_requests_at_start "")
 margay_ecrt_test(starts_of_many ecrt_starts "" sim:${drives}drive 61 1 -1 600)
 margay_ecrt_test(starts_of_many_by_domains ecrt_starts "" sim:${drives}drive 61 60 -1 1800)
 
-# Each function with its signature; the table of the README.
+# Each function with its signature, and the table of the README.
 margay_ecrt_program(ecrt_signatures signatures.c)
 add_test(NAME compat/ecrt/readme COMMAND ${CMAKE_COMMAND} -DREADME=${PROJECT_SOURCE_DIR}/src/compat/ecrt/README.md
   -DLIBRARY=$<TARGET_FILE:margay_ecrt> -DNM=${CMAKE_NM} -DSIGNATURES=$<TARGET_FILE:ecrt_signatures> -P ${folder}/readme.cmake)
 
-# Masters whose segment is not there.
+# Masters without a segment.
 foreach(segment nosuch0 eth0+eth1 sim:nosuch "")
   string(MAKE_C_IDENTIFIER "refused_${segment}" name)
   margay_ecrt_test(${name} ecrt_user "${segment}")
   set_tests_properties(compat/ecrt/${name} PROPERTIES PASS_REGULAR_EXPRESSION "margay ecrt: master 0: [^\n]+")
 endforeach()
 
-# One interface twice: no other program uses it.
+# The same interface at both ends of a ring. The error must not name another program as the user of the interface.
 margay_ecrt_test(refused_twice ecrt_user nosuch0+nosuch0)
 set_tests_properties(compat/ecrt/refused_twice PROPERTIES
   PASS_REGULAR_EXPRESSION "margay ecrt: master 0: nosuch0.nosuch0: both ends of a ring are nosuch0" FAIL_REGULAR_EXPRESSION "another program")

@@ -1,5 +1,6 @@
-# cmake -DBUILD=… -DWORK=… -DPROGRAM=… -P package.cmake: installs the facade, and builds a C program with the installed package in
-# the ways of its users: find_package() by three names, with and without a version, and pkg-config. Each program runs on a simulated segment.
+# cmake -DBUILD=… -DWORK=… -DPROGRAM=… -P package.cmake: installs the facade, and builds a C program with the installed
+# package as users do: by find_package() with three names, with and without a version, and by pkg-config. Each program
+# runs on a simulated segment.
 function(run)
   execute_process(COMMAND ${ARGN} RESULT_VARIABLE failed OUTPUT_VARIABLE output ERROR_VARIABLE output)
   if(failed)

@@ -1,5 +1,5 @@
-# cmake -DREADME=… -DLIBRARY=… -DNM=… -DSIGNATURES=… -P readme.cmake: the table of the README, the symbols that the library
-# exports, and the names that the program `signatures` prints are the same. Only these symbols are exported.
+# cmake -DREADME=… -DLIBRARY=… -DNM=… -DSIGNATURES=… -P readme.cmake: checks that three lists are the same: the table of
+# the README, the symbols that the library exports, and the names that the program `signatures` prints.
 file(STRINGS ${README} rows REGEX "^\\| `ecrt_")
 set(table)
 foreach(row IN LISTS rows)

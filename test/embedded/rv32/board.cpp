@@ -1,5 +1,6 @@
-// What samples/mps2_an386/main.cpp needs of a board, for a RISC-V processor that exists nowhere: the program is linked
-// and never runs. The addresses are those of QEMU's `virt` (CLINT, UART), and a LAN9118 at an address without a device.
+// The functions that samples/mps2_an386/main.cpp needs from a board, for a RISC-V board that does not exist: the
+// program is linked and never executed. CLINT and UART have the addresses of QEMU's machine `virt`. The LAN9118 has an
+// address without a device.
 #include "samples/mps2_an386/board.hpp"
 
 namespace board {

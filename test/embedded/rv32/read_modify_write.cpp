@@ -1,6 +1,6 @@
-// osal/bare/read_modify_write.cpp on RISC-V: operations on octets and half words, which this processor makes by
-// operations on the word around them. Runs in QEMU's emulation of a process; ends with 0, or with the line of the
-// check that failed.
+// Checks osal/bare/read_modify_write.cpp on RISC-V: operations on octets and half words. On this processor they are
+// operations on the word that contains them. QEMU's user-mode emulation executes the program. It ends with 0, or with
+// the line number of the failed check.
 #include <atomic>
 #include <cstdint>
 
@@ -12,7 +12,7 @@ namespace {
     for (;;) asm volatile("ecall" ::"r"(a0), "r"(a7) : "memory");
 }
 
-// Every operation at each place of a word; the other octets of the word keep their values.
+// Executes every operation at each place of a word. The other octets of the word must keep their values.
 template <class T>
 void check() {
     constexpr auto kCount = 4 / sizeof(T);

@@ -1,6 +1,6 @@
-# Toolchain file: RISC-V with 32 bits and the extensions M, A and C, without an operating system. Debian has the compiler
-# and picolibc, but no C++ headers for it: those of the ARM compiler of the same version are used. They are headers only,
-# so nothing that is compiled for ARM comes into the program.
+# Toolchain file: RISC-V with 32 bits and the extensions M, A and C, without an operating system. Debian has the
+# compiler and picolibc for this processor, but no C++ headers. So the headers of the ARM compiler of the same version
+# are used. Headers bring no code that was compiled for ARM into the program.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR riscv32)
 set(CMAKE_CXX_COMPILER riscv64-unknown-elf-g++)

@@ -1,4 +1,4 @@
-// For table.cmake: the code of the machine, and its memory as the size of a constant.
+// For table.cmake: the code of the state machine, and its memory as the size of a constant.
 #include "al_state_machine.hpp"
 
 namespace margay {

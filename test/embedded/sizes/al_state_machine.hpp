@@ -1,6 +1,6 @@
-// The sequence change_al_state() of src/station/al_state.cpp once more, written by hand as a state machine: the
-// difference is what the coroutine itself costs. table.cmake prints both sizes. test/segment/al_state_machine_test.cpp
-// shows that both exchange the same frames.
+// The sequence change_al_state() of src/station/al_state.cpp, written by hand as a state machine. The difference in
+// size is the cost of the coroutine itself. table.cmake prints both sizes. test/segment/al_state_machine_test.cpp shows
+// that both exchange the same frames.
 #pragma once
 
 #include "station/al_state.hpp"
@@ -23,8 +23,9 @@ class AlStateMachine {
     [[nodiscard]] const Result<AlStatus>& result() const { return result_; }
 
   private:
-    // What the machine waits for: AL status before the request, the request, the same once more for a slave that has
-    // not taken it, AL status after the request.
+    // What the machine waits for: the AL status before the request; the request; AL status, pause and request again
+    // while the slave does not answer the request; the AL status after the request; the pause before this status is
+    // read again.
     enum class Phase : std::uint8_t { before, request, again_status, again_pause, again_request, status, pause, over };
 
     static constexpr Duration kShortestPause = std::chrono::microseconds(200);
@@ -101,7 +102,7 @@ class AlStateMachine {
     }
 
     [[nodiscard]] Time now() const { return station_.engine.now(); }
-    // The engine continues it as a coroutine, whose memory begins with these pointers.
+    // The engine resumes the machine like a coroutine. The memory of a coroutine begins with the same two pointers.
     [[nodiscard]] std::coroutine_handle<> handle() { return std::coroutine_handle<>::from_address(&frame_); }
     static void resume(void* frame) { static_cast<Frame*>(frame)->machine->step(); }
     void release() {

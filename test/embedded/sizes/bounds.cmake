@@ -1,4 +1,5 @@
-# What the programs may need at most: what they needed when this was written and some octets more. Make it smaller when they become smaller.
+# The upper limits of the programs: their size when the limit was set, and some octets more. Reduce a limit when a
+# program becomes smaller.
 at_most(${text_of_cycle} 108160 "text of cycle")
 at_most(${ram_of_cycle} 21696 "RAM of cycle")
 at_most(${text_of_dictionary} 128384 "text of dictionary")

@@ -1,6 +1,6 @@
-# Which programs of the table have which parts of the library, by their linker maps. A part is a member of the archive, or a
-# function where a member has functions of several parts. Both are checked: that the programs which call a part have it, and
-# that no other program does.
+# Checks by the linker maps which parts of the library each program of the table contains. A part is a member of the
+# archive, or a function if the member has functions of several parts. The programs that call a part must contain it,
+# and no other program may contain it.
 set(with_sdo ${programs})
 list(REMOVE_ITEM with_sdo cycle dictionary)
 set(with_dictionary ${programs})
@@ -9,7 +9,7 @@ set(with_mail ${programs})
 list(REMOVE_ITEM with_mail cycle)
 set(supervised supervision reach everything)
 
-# Scan and process data alone: no mail of any kind.
+# The program for scan and process data alone has no code for mail.
 only_members("channel channel_dispatch channel_owed coe_sdo coe_transfer late_answers" ${with_mail})
 only("(14MailboxChannel4pump|MailSession|[^a-z]sdo_|run_transfer|watch_all|owe_|7deliver.*FinalMessage)" ${with_mail})
 only_members("sdo mail coe_complete" ${with_sdo})
@@ -17,7 +17,7 @@ only_members("coe_pdo" ${with_dictionary})
 only("ask_dictionary" ${with_dictionary})
 only("(find_sms_by_coe|read_sm_types|SdoList)" ${with_dictionary})
 
-# What each program has more than SDO reading.
+# The parts that programs have in addition to SDO reading.
 only("sdo_download" sdo_write startup pdo_write everything)
 only_members("coe_information sdo_information" sdo_information everything)
 only_members("device_id group_comparison" expected everything)
@@ -43,7 +43,7 @@ only("8describeE" texts everything)
 only_members("boot soe_pdo" everything)
 only("(prove_in_boot|forward_mail|send_overlapped)" everything)
 
-# Nobody calls these parts.
+# No program calls these parts.
 nowhere(
   aoe aoe_listener clock_delays clock_kind clock_sync clock_watch clocks coe_mail_pdo coe_stream datagram describe_event entry
   entry_names external_clock foe foe_transfer frame_times hooked hooked_file hooked_mail latches link_layer_clock listen mail_pdo

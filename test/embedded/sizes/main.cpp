@@ -1,5 +1,6 @@
-// A master on a microcontroller, as small as it can be: it scans, maps, brings the slaves to OP and exchanges process
-// data. The definitions WITH_… add one feature each. QEMU can run it, but the purpose is its size.
+// A small master on a microcontroller. The program scans, maps, brings the slaves to OP and exchanges process data.
+// Each definition WITH_… adds one feature. The program is made for the measurement of its size. QEMU can also execute
+// it.
 #include "mps2_an386/board.hpp"
 
 #include <margay/margay.hpp>
@@ -10,7 +11,7 @@ using namespace margay;
 namespace {
 
 #if defined(WITH_SUPERVISION) || defined(WITH_REACH)
-constexpr std::uint32_t kArenaBytes = 7168;  // it brings slaves back beside its other work
+constexpr std::uint32_t kArenaBytes = 7168;  // the supervision brings slaves back beside its other work
 #else
 constexpr std::uint32_t kArenaBytes = 5632;
 #endif
@@ -59,7 +60,7 @@ Result<> start() {
     return Result<>();
 }
 
-// Process data is exchanged from SAFEOP on; the slaves enter OP after they have received outputs.
+// Process data is exchanged from SAFEOP on, because the slaves enter OP only after they have received outputs.
 [[maybe_unused]] Result<> bring_up() {
 #ifdef WITH_EXPECTED
     static constexpr ExpectedSlave kExpected[] = {{.number = 1, .alias = 7}};
@@ -124,7 +125,7 @@ Result<> start() {
 }
 
 #ifdef WITH_STEPS
-// The first calls of the program: with each step one call more.
+// The first calls of the program. Each step adds one call.
 Result<> run() {
 #if WITH_STEPS > 0
     if (const auto slaves = config_init(ctx); !slaves) return slaves.error();

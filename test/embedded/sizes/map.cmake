@@ -1,5 +1,5 @@
-# Reads the linker map of a program, and checks what is linked. A map line that counts is an input section with octets that
-# the linker has placed: discarded sections are in another part of the map.
+# Reads the linker map of a program, and checks what is linked. The checks use the input sections with octets that the
+# linker has placed. Discarded sections are in another part of the map.
 
 # read_map(PROGRAM): map_of_PROGRAM are the placed sections, each " .text.NAME 0xADDRESS 0xOCTETS ARCHIVE(MEMBER)".
 function(read_map program)
@@ -26,7 +26,8 @@ function(add_octets variable)
   set(${variable} ${sum} PARENT_SCOPE)
 endfunction()
 
-# all_is_read(PROGRAM): fails unless the sections of the map are the text that the program has.
+# all_is_read(PROGRAM): fails unless the sections of the map are at least 98 % of the program's text, and not more than
+# this text.
 function(all_is_read program)
   set(sections ${map_of_${program}})
   list(FILTER sections EXCLUDE REGEX "^ \\.bss")
@@ -38,7 +39,7 @@ function(all_is_read program)
   endif()
 endfunction()
 
-# only(PATTERN PROGRAM …): of the programs of the table, these have sections that match, and no other has.
+# only(PATTERN PROGRAM …): these programs of the table must have sections that match, and no other program may have one.
 function(only pattern)
   foreach(program IN LISTS programs)
     set(found ${map_of_${program}})
@@ -52,7 +53,8 @@ function(only pattern)
   endforeach()
 endfunction()
 
-# only_members(MEMBERS PROGRAM …): the same for members of libmargay.a; "a b" are two of them.
+# only_members(MEMBERS PROGRAM …): the same for members of libmargay.a. MEMBERS is one argument with names between
+# spaces.
 function(only_members members)
   string(REPLACE " " ";" members "${members}")
   foreach(member IN LISTS members)
@@ -60,7 +62,7 @@ function(only_members members)
   endforeach()
 endfunction()
 
-# nowhere(MEMBER …): libmargay.a has these members, and no program has any of them.
+# nowhere(MEMBER …): libmargay.a must have these members, and no program may contain one of them.
 function(nowhere)
   set(archive ${FOLDER}/board/margay/libmargay.a)
   execute_process(COMMAND "${arm_ar}" t ${archive} OUTPUT_VARIABLE members COMMAND_ERROR_IS_FATAL ANY)
@@ -72,7 +74,8 @@ function(nowhere)
   endforeach()
 endfunction()
 
-# no_heap_no_exceptions(PROGRAM): of the libraries of the compiler, only copying of memory and arithmetic.
+# no_heap_no_exceptions(PROGRAM): of the compiler's libraries, the program may contain only functions for memory and
+# arithmetic.
 function(no_heap_no_exceptions program)
   set(found ${map_of_${program}})
   list(FILTER found INCLUDE REGEX "/lib(c|g|gcc|m|nosys|stdc\\+\\+|supc\\+\\+)(_nano)?\\.a\\(")
@@ -83,8 +86,9 @@ function(no_heap_no_exceptions program)
   endif()
 endfunction()
 
-# sequences(PROGRAM TARGET): what the coroutines of the program are. Their octets are those of their functions: the beginning
-# (the compiler may have put it into the caller: then it counts for the caller), the body ("actor") and the end ("destroy").
+# sequences(PROGRAM TARGET): prints the number and the octets of the program's coroutines. A coroutine has three
+# functions: the beginning, the body ("actor") and the end ("destroy"). If the compiler has put the beginning into the
+# caller, its octets are octets of the caller.
 function(sequences program target)
   set(octets 0)
   set(count 0)
@@ -143,7 +147,7 @@ set(members_of_supervision supervision supervisor line_errors ring_reading)
 set(purpose_of_topology "topology")
 set(members_of_topology topology clock_compare)
 
-# purposes(PROGRAM): the octets of the program by purpose, and how many of them are bodies of coroutines.
+# purposes(PROGRAM): prints the octets of the program by purpose, and how many of them are bodies of coroutines.
 function(purposes program)
   message("${program}, by purpose (octets, octets of them that are bodies of coroutines):")
   set(left ${map_of_${program}})

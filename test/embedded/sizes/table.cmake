@@ -1,5 +1,5 @@
-# Prints what each program of FOLDER needs on a Cortex-M4, and checks the bounds and, by the linker map of each program, what
-# is linked. RAM is without the stack. Skips without the compiler.
+# Prints the text and the RAM of each program of FOLDER on a Cortex-M4. Checks the upper limits, and by the linker maps
+# which parts are linked. RAM is without the stack. Skips without the compiler.
 cmake_minimum_required(VERSION 3.25)
 find_program(arm_size arm-none-eabi-size)
 find_program(arm_nm arm-none-eabi-nm)
@@ -29,7 +29,7 @@ function(measure program)
   set(ram_of_${program} ${ram} PARENT_SCOPE)
 endfunction()
 
-# row(PROGRAM words): one line of the table; what it has more than `sdo` is behind the sums.
+# row(PROGRAM words): prints one line of the table. The number in parentheses is the difference from `sdo`.
 function(row program words)
   measure(${program})
   read_map(${program})
@@ -43,7 +43,7 @@ function(row program words)
   message("${words}: ${text} octets of text (${more}), ${ram} of RAM")
 endfunction()
 
-# step(PROGRAM words): what the program has more than the step before it.
+# step(PROGRAM words): prints the octets that the program has in addition to the step before it.
 set(text_of_step 0)
 function(step program words)
   measure(${program})
@@ -112,7 +112,7 @@ math(EXPR more "100 * (${by_coroutines} - ${by_machine}) / ${by_coroutines}")
 message("A change of the AL state: ${by_coroutines} octets of text as three coroutines, ${by_machine} (${more} % less) as "
         "a state machine written by hand, which has ${ram_of_machine} of RAM")
 
-# The measured alternative for whole programs: al_state.cpp has three coroutines.
+# An estimate for whole programs, by this measurement: al_state.cpp has three coroutines.
 math(EXPR octets_of_a_coroutine "(${by_coroutines} - ${by_machine}) / 3")
 message("So a coroutine costs ${octets_of_a_coroutine} octets. By the linker maps:")
 sequences(cycle 40960)

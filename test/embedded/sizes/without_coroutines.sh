@@ -1,12 +1,14 @@
 #!/bin/sh
-# Measures what the coroutines themselves cost on a Cortex-M4: compiles sources twice, as they are and as blocking
-# functions (`co_return` is `return`; `co_await` calls the function, or waits for the reply by one call). Only the sizes
-# of the blocking functions are of interest: nothing could end such a wait, or work on another slave meanwhile.
+# Measures the cost of the coroutines themselves on a Cortex-M4. The script compiles sources twice, as they are and as
+# blocking functions (`co_return` becomes `return`; `co_await` calls the function, or waits for the reply by one call).
+# Only the sizes of the blocking functions are of interest: the functions could not be cancelled, and could not serve
+# another slave meanwhile.
 #
 #   sh test/embedded/sizes/without_coroutines.sh BUILD [SOURCE …]
 #
-# BUILD is the folder of a build, which has generated headers. The default is all sources with sequences except those of
-# src/api: about 2 minutes. A source that cannot be compiled as blocking functions is left out and named.
+# BUILD is the folder of a build, which has generated headers. By default the script compiles all sources with sequences
+# except those of src/api, in about 2 minutes. A source that cannot be compiled as blocking functions is left out and
+# named.
 set -eu
 cd "$(dirname "$0")/../../.."
 tree=$PWD
@@ -60,7 +62,7 @@ find "$copy/src" -name '*.?pp' ! -path '*/util/task.*' ! -path '*/sim/*' ! -path
         -e "s/\bTask</Blocking</g; s/\bco_return\b/return/g; s/\bco_await /Wait{}->*/g" \
         -e "1i #include \"$copy/blocking.hpp\""
 
-# size FOLDER SOURCE: the octets of code and constants; nothing when the source cannot be compiled.
+# size FOLDER SOURCE: prints the octets of code and constants, or nothing when the source cannot be compiled.
 size() {
     (cd "$1" && arm-none-eabi-g++ -std=c++20 -Os -DNDEBUG -mcpu=cortex-m4 -mthumb -ffunction-sections -fno-exceptions \
         -fno-rtti -fno-unwind-tables -fno-asynchronous-unwind-tables -fno-jump-tables -w -Iinclude -Isrc \
@@ -73,7 +75,7 @@ for source in "$@"; do
     waits=$(grep -c co_await "$source" || true)
     [ "$waits" -gt 0 ] || continue
     blocking=$(size "$copy" "$source")
-    if [ -z "$blocking" ]; then  # it uses handles of coroutines
+    if [ -z "$blocking" ]; then  # the source uses handles of coroutines
         echo "left out: $source, with $waits co_await" >&2
         continue
     fi

@@ -1,5 +1,5 @@
-// A device with a mailbox that gets any sequence of messages of one protocol. Its own file, because the device of
-// mail_device.hpp takes long to compile, and most harnesses need no more of it.
+// A device with a mailbox receives any sequence of messages of one protocol. This function has its own source, because
+// mail_device.hpp takes long to compile, and most harnesses need only this function.
 #pragma once
 
 #include "wire/mailbox.hpp"
@@ -10,8 +10,8 @@
 
 namespace margay::subdevice::fuzzing {
 
-// The input is messages, each after its length in an octet. Bit 7 of this octet: a reply is read before. After the last
-// message the device must answer a correct request.
+// `input` is a sequence of messages. Each message follows an octet with its length. If bit 7 of this octet is set, a
+// reply is read before the message is sent. After the last message the device must answer a correct request.
 void run_protocol(wire::MailboxType type, std::span<const std::uint8_t> input, bool boot);
 
 }  // namespace margay::subdevice::fuzzing
