@@ -8,8 +8,8 @@
 #
 #   sh test/run.sh [--quick] [--no-skips] [-R REGEX | another of -E -L -LE -I -N -V -VV of ctest] [-- options of ctest …]
 #
-#   --quick      all tests run in build/ only, without the sanitizers, the fuzz harnesses, clang, and the builds of all
-#                build types
+#   --quick      the tests run in build/ only. Left out: sanitizers, the benchmarks, and what builds the project again
+#                (clang, fuzz harnesses, all build types, other processors, the package and its users)
 #   --no-skips   a test that is skipped fails the run
 #
 # Tests that lack something (tshark, clang 16, a compiler for another processor, QEMU, Chromium, network namespaces) are
@@ -49,9 +49,10 @@ done
 
 needed='g++ make cmake ccache libgtest-dev libbenchmark-dev libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev
         libtomlplusplus-dev libncurses-dev libpugixml-dev'
-useful='binutils iproute2 libbpf-dev libxdp-dev valgrind tshark clang-16 libclang-rt-16-dev lld-16 gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib
-        pkg-config qemu-system-arm gnuplot-nox gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf g++-s390x-linux-gnu
-        qemu-user-static googletest chromium systemd dpkg-dev ninja-build'
+useful='binutils iproute2 libbpf-dev libxdp-dev valgrind tshark pkg-config gnuplot-nox chromium systemd ninja-build'
+builders='clang-16 libclang-rt-16-dev lld-16 gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib qemu-system-arm
+          gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf g++-s390x-linux-gnu qemu-user-static googletest dpkg-dev'
+[ $quick = yes ] || useful="$useful $builders"
 # shellcheck disable=SC2086  # lists of words
 need_packages $needed || exit 1
 # shellcheck disable=SC2086
@@ -118,12 +119,12 @@ run() {
     fi
     # shellcheck disable=SC2086  # a list of words
     step "$folder: configure" cmake -S . -B "$folder" -DMARGAY_TESTS=ON -DMARGAY_SAMPLES=ON -DMARGAY_TEST_LINES=OFF \
-        -DMARGAY_TEST_PROCESSORS=2 -DMARGAY_BUILD_ONCE=ON -DMARGAY_WERROR=ON $settings
+        -DMARGAY_TEST_PROCESSORS=3 -DMARGAY_BUILD_ONCE=ON -DMARGAY_WERROR=ON $settings
     step "$folder: build" cmake --build "$folder" --parallel "$(compilers)"
     : >"$records/log"
-    # A test that computes counts as two, so that no more of these tests run than there are processors. A test that
+    # A test that computes counts as three, so that no more of these tests run than there are processors. A test that
     # waits counts as one.
-    step "$folder: tests" ctest --test-dir "$folder" --parallel $((2 * $(nproc))) --output-on-failure \
+    step "$folder: tests" ctest --test-dir "$folder" --parallel $((3 * $(nproc))) --output-on-failure \
         --output-log "$records/log" "$@" || failed_alone "$folder" || { echo "Failed in $folder:"; failures; exit 1; } >&2
     sed -n "s|^[0-9]*% tests passed.*|$folder: &|p" "$records/log" >>"$records/summaries"
     # ctest names the entries that it skipped. If an entry contains many tests, the output names the skipped tests.
@@ -143,7 +144,7 @@ run() {
 
 # In build/ each source of the core is compiled alone, because the archives of this build are installed.
 if [ $quick = yes ]; then
-    run build -DMARGAY_UNITY=tests -DMARGAY_TEST_PROGRAMS=all -- -LE 'build_types|sanitized' "$@"
+    run build -DMARGAY_UNITY=ON -DMARGAY_TEST_PROGRAMS=all -DMARGAY_TEST_BUILDS=OFF -- "$@"
 else
     # A sanitized program takes long to start, so each program is four entries of ctest. With arguments, which can
     # select single tests, each test is an entry.
@@ -165,7 +166,7 @@ else
             rm -rf build-sanitized
         fi
     fi
-    run build -DMARGAY_UNITY=tests -DMARGAY_TEST_PROGRAMS=unsanitized -DMARGAY_NESTED_CLANG=$nested_clang -- "$@"
+    run build -DMARGAY_UNITY=tests -DMARGAY_TEST_PROGRAMS=unsanitized -DMARGAY_TEST_BUILDS=ON -DMARGAY_NESTED_CLANG=$nested_clang -- "$@"
     export UBSAN_OPTIONS=print_stacktrace=1
     # shellcheck disable=SC2086  # a list of words
     run build-sanitized -DMARGAY_UNITY=ON -DMARGAY_SANITIZE=address -DCMAKE_BUILD_TYPE=Debug -DMARGAY_TEST_SHARDS=$shards $compiler \

@@ -20,20 +20,20 @@
 namespace margay::samples {
 namespace {
 
-using Named = std::pair<unsigned, const char*>;
+using NameOfBit = std::pair<unsigned, const char*>;
 
-constexpr Named kProtocols[] = {{mailbox_protocol::kAoE, "AoE"}, {mailbox_protocol::kEoE, "EoE"},
-                                {mailbox_protocol::kCoE, "CoE"}, {mailbox_protocol::kFoE, "FoE"},
-                                {mailbox_protocol::kSoE, "SoE"}, {mailbox_protocol::kVoE, "VoE"}};
-constexpr Named kCoeDetails[] = {{coe_detail::kSdo, "SDO"},
-                                 {coe_detail::kSdoInformation, "SDO information"},
-                                 {coe_detail::kPdoAssignment, "PDO assignment"},
-                                 {coe_detail::kPdoConfiguration, "PDO configuration"},
-                                 {coe_detail::kUploadAtStartup, "upload at startup"},
-                                 {coe_detail::kCompleteAccess, "complete access"}};
+constexpr NameOfBit kProtocols[] = {{mailbox_protocol::kAoE, "AoE"}, {mailbox_protocol::kEoE, "EoE"},
+                                    {mailbox_protocol::kCoE, "CoE"}, {mailbox_protocol::kFoE, "FoE"},
+                                    {mailbox_protocol::kSoE, "SoE"}, {mailbox_protocol::kVoE, "VoE"}};
+constexpr NameOfBit kCoeDetails[] = {{coe_detail::kSdo, "SDO"},
+                                     {coe_detail::kSdoInformation, "SDO information"},
+                                     {coe_detail::kPdoAssignment, "PDO assignment"},
+                                     {coe_detail::kPdoConfiguration, "PDO configuration"},
+                                     {coe_detail::kUploadAtStartup, "upload at startup"},
+                                     {coe_detail::kCompleteAccess, "complete access"}};
 
 template <std::size_t N>
-std::vector<std::string> names_of(unsigned bits, const Named (&table)[N]) {
+std::vector<std::string> names_of(unsigned bits, const NameOfBit (&table)[N]) {
     std::vector<std::string> names;
     for (const auto& [bit, name] : table)
         if ((bits & bit) != 0) names.emplace_back(name);

@@ -172,18 +172,18 @@ TEST_F(CycleTest, AnEmergencyIsSeenByTheMappedBitWithoutADatagramOfItsOwn) {
 // Fifty slow slaves: one datagram looks at all mailboxes.
 TEST(SharedLook, ManySlavesThatWaitShareADatagram) {
     MailboxBus bus;
-    constexpr std::size_t kSlaves = 50;
+    constexpr std::size_t kSlowSlaves = 50;
     std::vector<ScriptedSlave*> slaves;
-    for (std::size_t n = 0; n < kSlaves; ++n) slaves.push_back(&bus.add_scripted(64));
+    for (std::size_t n = 0; n < kSlowSlaves; ++n) slaves.push_back(&bus.add_scripted(64));
     bus.start();
     for (ScriptedSlave* slave : slaves) {
         slave->delay = 200ms;
         slave->on_mail = [slave](const Mail&) { slave->reply({0x00, 0x30, 0x4B, 0x00, 0x20, 0x00, 7, 0, 0, 0}); };
     }
-    std::vector<SdoUpload> requests(kSlaves);
-    std::vector<std::array<std::byte, 4>> values(kSlaves);
+    std::vector<SdoUpload> requests(kSlowSlaves);
+    std::vector<std::array<std::byte, 4>> values(kSlowSlaves);
     const auto before = bus.ctx->statistics().datagrams_sent;
-    for (std::size_t n = 0; n < kSlaves; ++n) {
+    for (std::size_t n = 0; n < kSlowSlaves; ++n) {
         requests[n].slave = static_cast<std::uint16_t>(n + 1);
         requests[n].index = 0x2000;
         requests[n].data = values[n];

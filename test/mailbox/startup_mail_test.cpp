@@ -11,8 +11,8 @@ namespace {
 
 using enum Transition;
 
-constexpr AoeNetId kOwn{{5, 1, 2, 3, 2, 1}};
-constexpr AoeAddress kMemory{kOwn, 1};
+constexpr AoeNetId kOwnNetId{{5, 1, 2, 3, 2, 1}};
+constexpr AoeAddress kMemory{kOwnNetId, 1};
 
 class StartupMail : public testing::Test {
   protected:
@@ -37,7 +37,7 @@ class StartupMail : public testing::Test {
 TEST_F(StartupMail, GivesASlaveItsNetIdAndWritesToItsDevices) {
     bus.add_device(sim::make_device("aoe_gateway").value());
     bus.start();
-    const auto net_id = aoe_net_id_command(kOwn);
+    const auto net_id = aoe_net_id_command(kOwnNetId);
     std::array<std::byte, kAoeWriteBytes + 3> memory{};
     const std::array data{std::byte{7}, std::byte{8}, std::byte{9}};
     const auto write = aoe_write_command(kMemory, 0x100, 16, data, memory);
@@ -82,7 +82,7 @@ TEST_F(StartupMail, WhatCannotBeSentIsNamed) {
     const std::string no_message =
         "argument out of range: the message of the start-up command writes or sets nothing, contradicts itself or does "
         "not fit the mailbox";
-    const auto net_id = aoe_net_id_command(kOwn);
+    const auto net_id = aoe_net_id_command(kOwnNetId);
     EXPECT_EQ(says(send_aoe(preop_to_safeop, Bytes(net_id).first(49))),
               "slave 1: command at PS (no. 1, AoE message): " + no_message);
     EXPECT_EQ(says(send_aoe(preop_to_safeop, {})), "slave 1: command at PS (no. 1, AoE message): " + no_message);
@@ -137,7 +137,7 @@ TEST_F(StartupMail, ALateAnswerIsNotThatOfTheNextCommand) {
         answer(asked[0], 0);      // a late success
         answer(asked[1], 0x703);  // invalid index offset
     };
-    const auto net_id = aoe_net_id_command(kOwn);
+    const auto net_id = aoe_net_id_command(kOwnNetId);
     const StartupCommand commands[] = {send_aoe(preop_to_safeop, net_id).within(20ms).that_may_fail(),
                                        send_aoe(preop_to_safeop, net_id)};
     const auto done = map(commands);

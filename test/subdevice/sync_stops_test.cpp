@@ -8,7 +8,7 @@ namespace {
 using namespace testing;
 namespace reg = wire::reg;
 
-AlStatus refused(AlState state, AlStatusCode code) { return {state, true, static_cast<std::uint16_t>(code)}; }
+AlStatus refused_by_sync(AlState state, AlStatusCode code) { return {state, true, static_cast<std::uint16_t>(code)}; }
 
 unsigned asked_for_op = 0;  // number of calls of the application for SAFEOP→OP
 
@@ -70,13 +70,13 @@ class SyncStops : public ::testing::TestWithParam<RunMode> {
 TEST_P(SyncStops, AMasterThatAsksForOpAgainDoesNotGetItWithoutANewSync0) {
     bring_to_op();
     frames(6, 50);
-    ASSERT_EQ(bench.esc.al_status(), refused(AlState::safeop, AlStatusCode::fatal_sync_error));
+    ASSERT_EQ(bench.esc.al_status(), refused_by_sync(AlState::safeop, AlStatusCode::fatal_sync_error));
     asked_for_op = 0;
     for (int n = 0; n < 3; ++n) {
         EXPECT_EQ(request(0x14), (AlStatus{AlState::safeop, false, 0}));
         EXPECT_EQ(request(8), (AlStatus{AlState::safeop, false, 0})) << "the device waits for SYNC0";
         frames(201, 60 + n);
-        EXPECT_EQ(bench.esc.al_status(), refused(AlState::safeop, AlStatusCode::no_sync_error));
+        EXPECT_EQ(bench.esc.al_status(), refused_by_sync(AlState::safeop, AlStatusCode::no_sync_error));
     }
     EXPECT_EQ(asked_for_op, 0u);
     EXPECT_EQ(bench.application.safe, 1u) << "it was never in OP again";
@@ -136,7 +136,7 @@ TEST_P(SyncStops, TheStepThatLeavesOpAsksForNoOther) {
     bring_to_op();
     bench.esc.time += 3ms + 1ns;
     EXPECT_EQ(run(), kNever);
-    EXPECT_EQ(bench.esc.al_status(), refused(AlState::safeop, AlStatusCode::fatal_sync_error));
+    EXPECT_EQ(bench.esc.al_status(), refused_by_sync(AlState::safeop, AlStatusCode::fatal_sync_error));
 }
 
 // The cyclic function must not be executed in OP by the SYNC0 cycle and also by the reads of the master.
@@ -197,7 +197,7 @@ TEST_P(SyncStops, SyncSignalsFromBeforeSafeopDoNotCount) {
     EXPECT_EQ(request(8), (AlStatus{AlState::safeop, false, 0}));
     bench.esc.time += 200ms;
     (void)run();
-    EXPECT_EQ(bench.esc.al_status(), refused(AlState::safeop, AlStatusCode::no_sync_error));
+    EXPECT_EQ(bench.esc.al_status(), refused_by_sync(AlState::safeop, AlStatusCode::no_sync_error));
     EXPECT_EQ(asked_for_op, 0u);
     (void)request(0x18);
     sync();
