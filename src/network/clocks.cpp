@@ -335,14 +335,20 @@ static const ProcessGroup* next_carrier(Network& network) {
     return next;
 }
 
+static Time leaves_at(const ProcessGroup* carrier, Time now) {
+    return carrier == nullptr ? now : std::max(now, next_cycle(*carrier));
+}
+
+Time leaves_at(Network& network) { return leaves_at(next_carrier(network), network.engine.now()); }
+
 Task<Result<>> send_time(Network& network) {
     const Slave& reference = network.slave(network.clocks.reference);
     const bool wide = network.clocks.of(reference).kind == ClockKind::bits64;
     std::array<std::byte, 8> time{};
     const Time now = network.engine.now();
     const ProcessGroup* const carrier = next_carrier(network);
-    const Time leaves = carrier == nullptr ? now : std::max(now, next_cycle(*carrier));
-    store_le<std::uint64_t>(time, 0, network.clocks.system_at_ns(leaves));  // taken by all if the reference is lost
+    // Taken by all clocks if the reference is lost.
+    store_le<std::uint64_t>(time, 0, network.clocks.system_at_ns(leaves_at(carrier, now)));
     const TimeSource source = time_source_of(network.slaves(), reference, network.clocks.settings.by_position);
     Datagram carry(network.engine.link(), source.command, {source.address, reg::kSystemTime.address},
                    MutableBytes(time).first(wide ? 8U : 4U), Repeat::no);
