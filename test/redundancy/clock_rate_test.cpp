@@ -25,7 +25,7 @@ TEST(ClockRingRate, IsLearnedBeforeAnotherSecondReferenceIsReplaced) {
         EXPECT_EQ(bus.wrong_cycles(1000), 0U);
         bus.segment.set_power(bus.at[2], true, bus.osal.now());
         ASSERT_TRUE(bus.until_all_in_op(6000)) << bus.joined(bus.events());
-        EXPECT_LE(bus.cycles(3000), 1000) << bus.joined(bus.events());
+        EXPECT_LE(bus.cycles(3000), 500) << bus.joined(bus.events());
         EXPECT_EQ(bus.wrong_cycles(300), 0U);
         EXPECT_LE(bus.cycles(300), 200);
         EXPECT_EQ(bus.status().second_reference, 3);
