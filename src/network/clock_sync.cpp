@@ -195,9 +195,7 @@ Task<Result<>> continue_reference(Network& network) {
     Slave& reference = network.slave(clocks.reference);
     Slave* const kept = network.redundancy == nullptr ? kept_clock(network) : nullptr;
     co_await required(latch_receive_times(network));
-    const Time sent =
-        std::max(clocks.latched_at,
-                 network.engine.link().last_cycle());  // in a running cycle, the datagram was sent with the cycle
+    const Time sent = clocks.latched_at;
     co_await required(read_receive_times(network, reference, Keep::no));
     if (kept != nullptr) {
         co_await required(read_receive_times(network, *kept, Keep::no));

@@ -212,6 +212,8 @@ inline constexpr std::int64_t kNear_ns = 100'000;
 // From now on the slave is the reference. The cycles already carry its time. The error is the error of a request to a
 // second reference, which the supervision repeats.
 [[nodiscard]] Task<Result<>> set_reference(Network& network, const Slave& slave);
+// When a datagram that is queued now leaves: in a running cycle, with the next cycle.
+[[nodiscard]] Time leaves_at(Network& network);
 // Sends the time of the reference clock to all slaves once, in a frame of its own.
 [[nodiscard]] Task<Result<>> send_time(Network& network);
 // An upper estimate of the differences of all clocks that are synchronised, by one broadcast. A clock that is not

@@ -159,24 +159,6 @@ Task<Result<>> RingWatch::begin_second_part(Network& network) {
     co_return co_await required(change_second(network, wanted_second_));
 }
 
-// The second reference has never been compared with the reference, and would drift away because both oscillators
-// differ. So the master writes the time of the reference to the second reference until its control loop has learned the
-// rate.
-Task<Result<>> RingWatch::teach_rate(Network& network, Slave& second) {
-    constexpr Duration kLesson = std::chrono::seconds(1);
-    const Time give_up = network.engine.now() + kLesson;
-    const std::size_t octets = network.clocks.of(second).kind == ClockKind::bits64 ? 8 : 4;
-    std::array<std::byte, 8> time{};
-    for (std::uint16_t n = 0; n < network.clocks.settings.burst_frames && network.engine.now() < give_up; ++n) {
-        co_await required(send_time(network));  // reads the time of the reference
-        store_le<std::uint64_t>(time, 0, network.clocks.system_at_ns(network.engine.now()));
-        Datagram write(network.engine.link(), wire::Command::FPWR, {second.station_address, reg::kSystemTime.address},
-                       Bytes(time).first(octets), Repeat::no);
-        (void)co_await write;  // a lost frame is one of many
-    }
-    co_return Nothing{};
-}
-
 // Whether a cycle has come back in which a slave is missing whose loss is not known yet.
 static bool falls_short(const Network& network) {
     const auto is_short = [](const DatagramStatus& status) { return status.came && !status.usable(); };
@@ -419,7 +401,11 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
         rounds_seen_ = 0;
     else if (rounds_seen_ < kEnough)
         ++rounds_seen_;
-    if (wanted == 0 || wanted == second_ || rounds_seen_ >= kEnough) {
+    bool waits = false;
+    if (rounds_seen_ >= kEnough) {
+        waits = co_await required(is_second_late(network, wanted));
+    }
+    if (!waits && (wanted == 0 || wanted == second_ || rounds_seen_ >= kEnough)) {
         if (has_beside_ && now.whole && wanted != 0 && wanted != second_) {
             if (!may_teach(network)) co_return Nothing{};
             // The new clock may have lost its power. The present second reference may be behind it, and then brings it

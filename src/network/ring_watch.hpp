@@ -83,6 +83,14 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] std::uint16_t first_behind(Network& network, bool only_settled) const;
     [[nodiscard]] std::uint16_t choose_second(Network& network) const;
     [[nodiscard]] Task<Result<>> teach_rate(Network& network, Slave& second);
+    [[nodiscard]] bool lacks_rate(Network& network, std::uint16_t wanted) const;
+    [[nodiscard]] bool has_present_second(Network& network) const {
+        return second_ != 0 && network.slave(second_).al.state != AlState::none;
+    }
+    [[nodiscard]] Task<Result<>> teach_in_cycles(Network& network, const Slave& slave) const;
+    [[nodiscard]] Task<Result<bool>> runs_alike(Network& network, Slave& slave, Slave& present) const;
+    [[nodiscard]] Task<Result<bool>> prepare_second(Network& network, Slave& slave);
+    [[nodiscard]] Task<Result<bool>> is_second_late(Network& network, std::uint16_t wanted);
     [[nodiscard]] Task<Result<>> set_second_part(Network& network, Slave& second);
     [[nodiscard]] Task<Result<>> change_second(Network& network, std::uint16_t second);
     [[nodiscard]] Task<Result<>> open_ring_with(Network& network, bool times);

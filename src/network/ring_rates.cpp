@@ -1,0 +1,113 @@
+// The rate of the second reference of a broken ring. The master steers the second reference by its offset, once in each
+// round. So between two rounds the second reference moves at its own rate, and the clocks that follow it move too.
+#include "network/ring_watch.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+namespace reg = wire::reg;
+
+// Writes the time of the reference to the second reference.
+Task<Result<>> write_time(Network& network, const Slave& second) {
+    const std::size_t octets = network.clocks.of(second).kind == ClockKind::bits64 ? 8 : 4;
+    std::array<std::byte, 8> time{};
+    store_le<std::uint64_t>(time, 0, network.clocks.system_at_ns(leaves_at(network)));
+    Datagram write(network.engine.link(), wire::Command::FPWR, {second.station_address, reg::kSystemTime.address},
+                   Bytes(time).first(octets), Repeat::no);
+    (void)co_await write;  // a lost frame is one of many
+    co_return Nothing{};
+}
+
+}  // namespace
+
+// The second reference has never been compared with the reference, and would drift away because both oscillators
+// differ. So the master writes the time of the reference to the second reference until its control loop has learned the
+// rate.
+Task<Result<>> RingWatch::teach_rate(Network& network, Slave& second) {
+    constexpr Duration kLesson = std::chrono::seconds(1);
+    const Time give_up = network.engine.now() + kLesson;
+    for (std::uint16_t n = 0; n < network.clocks.settings.burst_frames && network.engine.now() < give_up; ++n) {
+        co_await required(send_time(network));  // reads the time of the reference
+        co_await required(write_time(network, second));
+    }
+    co_return Nothing{};
+}
+
+// Whether the clock will be the second reference and was set after it had learned a rate last: its slave had lost its
+// power.
+bool RingWatch::lacks_rate(Network& network, std::uint16_t wanted) const {
+    const Clocks& clocks = network.clocks;
+    return wanted != 0 && wanted != second_ && wanted != clocks.reference && !has_beside_ && !parts().whole &&
+           !clocks.entries[wanted - 1U].knows_rate && network.slave(clocks.reference).al.state != AlState::none;
+}
+
+// Whether both clocks have the same rate, and the clock of the slave is at rest there.
+Task<Result<bool>> RingWatch::runs_alike(Network& network, Slave& slave, Slave& present) const {
+    constexpr Duration kLook = std::chrono::milliseconds(20);
+    constexpr std::int64_t kMostChange_ns = 50;
+    const auto before = co_await required(measure_ahead(network, slave, present));
+    co_await network.engine.sleep_for(kLook);
+    const auto ahead = co_await required(measure_ahead(network, slave, present));
+    co_await required(read_difference(network, slave));
+    const std::int64_t away_ns = std::abs(std::int64_t{network.clocks.of(slave).difference_ns});
+    if (away_ns > network.clocks.settings.limit_ns) co_return false;
+    co_return std::abs(ahead - before) <= kMostChange_ns;
+}
+
+// A lesson of a running cycle, whose frames are sent one by one.
+Task<Result<>> RingWatch::teach_in_cycles(Network& network, const Slave& slave) const {
+    constexpr Duration kLesson = std::chrono::milliseconds(300);
+    const Time give_up = network.engine.now() + kLesson;
+    const std::uint32_t ways = ring_.ways();
+    const std::uint16_t most = network.clocks.settings.burst_frames;
+    for (std::uint16_t n = 0; n < most && network.engine.now() < give_up && ring_.ways() == ways; ++n) {
+        Crew reading(1);  // with the same cycle
+        if (!reading.start(send_time(network)))
+            co_return Error{.code = Errc::capacity, .step = Step::configure_clocks, .detail = Error::kTasks};
+        co_await required(write_time(network, slave));
+        co_await reading.all();
+    }
+    co_return Nothing{};
+}
+
+// Finds out whether a clock behind the break has learned the rate of the reference, before it becomes the second
+// reference: at its own rate it would move by more than the limit between two corrections. Before the present second
+// reference, the clock learns the rate from the time that the master sends. If there is none, the master writes the
+// time to the clock. A clock that has learned the rate is set to the time of the present second reference.
+Task<Result<bool>> RingWatch::prepare_second(Network& network, Slave& slave) {
+    constexpr unsigned kMostLessons = 4;
+    const bool follows = has_present_second(network);
+    Slave& present = network.slave(follows ? second_ : network.clocks.reference);
+    const std::uint32_t ways = ring_.ways();
+    auto learned = co_await required(runs_alike(network, slave, present));
+    if (!learned && !follows) lose_behind(network);  // no time reaches these clocks during the lessons
+    for (unsigned n = 0; !learned && !follows && n < kMostLessons && ring_.ways() == ways; ++n) {
+        co_await required(teach_in_cycles(network, slave));
+        learned = co_await required(runs_alike(network, slave, present));
+    }
+    if (!learned) co_return false;
+    ring_.set_second_reference({});  // no time until the clock is the second reference
+    const auto ahead = co_await required(measure_ahead(network, slave, present));
+    co_await required(move_clock(network, slave, -ahead));
+    network.clocks.of(slave).knows_rate = true;
+    co_return true;
+}
+
+// Whether the present second reference is kept for some more rounds, because the next one has not learned the rate yet.
+Task<Result<bool>> RingWatch::is_second_late(Network& network, std::uint16_t wanted) {
+    constexpr std::uint8_t kMostRounds = 200;
+    constexpr std::uint8_t kRounds = 10;
+    if (!lacks_rate(network, wanted) || rounds_seen_ >= kMostRounds) co_return false;
+    if (rounds_seen_++ % kRounds != 0 || network.searching || network.clocks.paused) co_return true;
+    const auto learned = co_await prepare_second(network, network.slave(wanted));
+    const bool changes = !learned && learned.error().code == Errc::unstable;
+    const bool again = changes || (learned && !*learned && has_present_second(network));
+    const bool late = again || choose_second(network) != wanted;
+    // The preparation may have ended while no frame brought the time of the present second reference.
+    if (late && has_present_second(network)) co_await required(change_second(network, second_));
+    co_return late;
+}
+
+}  // namespace margay

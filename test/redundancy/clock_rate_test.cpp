@@ -1,0 +1,81 @@
+// A clock behind a break that had no power learns the rate of the reference before it becomes the second reference.
+// Otherwise it would move at the rate of its own oscillator between two corrections: in these rings by up to 1.8 µs.
+#include "redundancy/clock_ring.hpp"
+
+namespace margay {
+namespace {
+
+bool are_all_in_sync(ClockRingBus& bus) {
+    for (std::uint16_t n = 1; n <= bus.at.size(); ++n)
+        if (!slave_clock(*bus.ctx, n).in_sync) return false;
+    return true;
+}
+
+// The second reference loses its power at any moment of a round of the supervision. Meanwhile the next clock replaces
+// it, and the clocks behind the break stay in step.
+TEST(ClockRingRate, IsLearnedBeforeAnotherSecondReferenceIsReplaced) {
+    for (const unsigned moment : {0U, 1U, 3U, 4U, 7U, 13U, 40U}) {
+        SCOPED_TRACE(moment);
+        ClockRingBus bus;
+        bus.build(6, false);
+        bus.bring_up();
+        bus.cable(bus.ring_cables[2], false);
+        (void)bus.cycles(500 + moment);
+        bus.segment.set_power(bus.at[2], false, bus.osal.now());
+        EXPECT_EQ(bus.wrong_cycles(1000), 0U);
+        bus.segment.set_power(bus.at[2], true, bus.osal.now());
+        ASSERT_TRUE(bus.until_all_in_op(6000)) << bus.joined(bus.events());
+        EXPECT_LE(bus.cycles(3000), 500) << bus.joined(bus.events());
+        EXPECT_EQ(bus.wrong_cycles(300), 0U);
+        EXPECT_LE(bus.cycles(300), 200);
+        EXPECT_EQ(bus.status().second_reference, 3);
+        EXPECT_TRUE(are_all_in_sync(bus)) << bus.joined(bus.events());
+        bus.cable(bus.ring_cables[2], true);
+        EXPECT_LE(bus.cycles(1000), 200) << "the clock has kept the rate when the ring is whole";
+        EXPECT_LE(bus.cycles(300), 100);
+    }
+}
+
+// All slaves behind the break lose their power. So no second reference brings a time to the first one that is back.
+TEST(ClockRingRate, IsLearnedWithoutAnotherSecondReference) {
+    for (const unsigned front : {2U, 4U, 5U}) {
+        SCOPED_TRACE(front);
+        ClockRingBus bus;
+        bus.build(6, false);
+        bus.bring_up();
+        bus.cable(bus.ring_cables[front], false);
+        (void)bus.cycles(500);
+        for (unsigned n = front; n < 6; ++n) bus.segment.set_power(bus.at[n], false, bus.osal.now());
+        (void)bus.cycles(500);
+        for (unsigned n = front; n < 6; ++n) bus.segment.set_power(bus.at[n], true, bus.osal.now());
+        ASSERT_TRUE(bus.until_all_in_op(8000)) << bus.joined(bus.events());
+        EXPECT_EQ(bus.wrong_cycles(4000), 0U);
+        EXPECT_LE(bus.cycles(300), 200) << bus.joined(bus.events());
+        EXPECT_EQ(bus.status().second_reference, front + 1);
+        EXPECT_TRUE(are_all_in_sync(bus)) << bus.joined(bus.events());
+        bus.cable(bus.ring_cables[front], true);
+        EXPECT_LE(bus.cycles(1000), 300);
+        EXPECT_LE(bus.cycles(300), 100);
+    }
+}
+
+TEST(ClockRingRate, IsLearnedWithLostFrames) {
+    ClockRingBus bus;
+    bus.build(6, false);
+    bus.bring_up();
+    bus.cable(bus.ring_cables[2], false);
+    (void)bus.cycles(500);
+    bus.segment.set_power(bus.at[2], false, bus.osal.now());
+    (void)bus.cycles(500);
+    bus.segment.set_noise({.lost = 0.01, .seed = 3});
+    bus.segment.set_power(bus.at[2], true, bus.osal.now());
+    (void)bus.cycles(6000);
+    bus.segment.set_noise({});
+    ASSERT_TRUE(bus.until_all_in_op(6000)) << bus.joined(bus.events());
+    (void)bus.cycles(1500);
+    EXPECT_EQ(bus.status().second_reference, 3);
+    EXPECT_LE(bus.cycles(300), 200) << bus.joined(bus.events());
+}
+
+}  // namespace
+}  // namespace margay
