@@ -119,6 +119,8 @@ FramePair* Redundancy::open(std::uint8_t index) noexcept {
     if (pair == nullptr) return nullptr;
     pair->index = index;
     pair->came = pair->crossed = pair->idle = pair->circulated = pair->counted = 0;
+    pair->probes.store(0, kRelaxed);
+    for (unsigned nic = 0; nic < 2; ++nic) pair->arrivals[nic] = arrivals_[nic].load(kRelaxed);
     return pair;
 }
 
@@ -173,27 +175,8 @@ SendStatus Redundancy::send_by_head(FramePair& pair, Bytes frame) noexcept {
     const SendStatus only = send_by(pair.head, pair, frame);
     if (only != SendStatus::sent && hold(pair)) pair.state.store(FramePair::unused, std::memory_order_release);
     if (foreign_.load(kRelaxed) && probe_turn_.fetch_add(1, kRelaxed) % kFramesPerProbe == 0)
-        send_probe(1U - pair.head);
+        (void)send_probe(1U - pair.head);
     return only;
-}
-
-void Redundancy::send_probe(unsigned nic) noexcept {
-    constexpr std::size_t kShortest = 60;
-    std::array<std::byte, kShortest> probe{};
-    wire::FrameBuilder builder(probe, source_[nic]);
-    (void)builder.append(wire::Command::NOP, 0, wire::DatagramAddress(0), 2);
-    (void)builder.finish();
-    if (nics_[nic]->send(probe) == SendStatus::sent) add(counters_[nic].sent);
-}
-
-// A probe that comes back at its own NIC and has passed a slave with a closed port 0 shows that this NIC is at the end
-// of the broken ring again. In a whole ring, the copy of the head shows that the NIC is connected.
-void Redundancy::note_probe(Bytes frame, unsigned at, unsigned from) noexcept {
-    if (at != from || !wire::load_datagram_header(frame.subspan(wire::kFramePrefixBytes)).circulating) return;
-    head_.store(static_cast<std::uint8_t>(1 - from), kRelaxed);
-    two_beginnings_ = 0;
-    ever_parted_ = true;
-    set_fault(CablingFault::none);
 }
 
 SendStatus Redundancy::send(Bytes frame) noexcept {
@@ -222,6 +205,8 @@ SendStatus Redundancy::send(Bytes frame) noexcept {
     // If the first NIC is busy, slaves would miss the frame, unless slaves process only the copy of the other NIC.
     const bool useless = one == SendStatus::busy && (first == pair->head || !by_head_.load(kRelaxed));
     const SendStatus two = useless ? SendStatus::busy : send_by(1 - first, *pair, frame);
+    for (unsigned nic = 0; nic < 2; ++nic)
+        if (in_doubt_[nic].load(kRelaxed)) send_probes(*pair, nic);
     if (one == SendStatus::sent || two == SendStatus::sent) return SendStatus::sent;
     if (hold(*pair)) pair->state.store(FramePair::unused, std::memory_order_release);
     return one == SendStatus::busy || two == SendStatus::busy ? SendStatus::busy : SendStatus::failed;
@@ -271,11 +256,14 @@ std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
     if (!marked && !crossed && !nics_[at]->hides_own_frames()) return frame.size();  // an echo: the link counts it
     add(counters_[at].received);
     silent_[from].store(false, kRelaxed);
+    in_doubt_[from].store(false, kRelaxed);
+    arrivals_[from].fetch_add(1, kRelaxed);
     missed_[from] = 0;
     if (foreign_.load(kRelaxed) && from != head()) {
         note_probe(frame, at, from);
         return 0;
     }
+    if (is_probe(frame)) return 0;
     const bool idle = crossed && !marked && !is_counted(frame);
     FramePair* const pair = pair_of(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
     // The pair is held before it is read: another thread may open it for another index at any time, even after its end.
@@ -453,7 +441,7 @@ void Redundancy::give_up(std::uint8_t index) noexcept {
         if ((sent & bit(nic)) == 0 || (pair->came & bit(nic)) != 0) continue;
         add(counters_[nic].lost);
         const bool other_came = (pair->came & bit(1 - nic)) != 0;
-        if (other_came && ++missed_[nic] >= kMissesUntilSilent) silent_[nic].store(true, kRelaxed);
+        if (other_came) note_miss(*pair, nic);
     }
     pair->state.store(FramePair::unused, std::memory_order_release);
 }
