@@ -142,5 +142,37 @@ TEST(RingLostFrames, ANicThatIsSilentIsFound) {
         }
 }
 
+// The replies of both NICs or of one NIC are missing for a while, so the library compares the identities of the slaves.
+// Meanwhile the replies of one NIC are missing again. Its slaves get each frame: they keep their outputs, and none of
+// them is started again.
+TEST(RingLostFrames, RepliesOfOnePartAreMissingWhileSlavesAreCompared) {
+    for (const unsigned which : {0U, 1U})
+        for (const unsigned both : {0U, 35U, 70U})  // cycles without any reply
+            for (unsigned between = 3; between < 12; ++between) {
+                SCOPED_TRACE("NIC " + std::to_string(which) + ", " + std::to_string(both) + " cycles, and " +
+                             std::to_string(between) + " cycles later");
+                RingBus bus;
+                bus.build_line(8);
+                bus.start();
+                bus.run();
+                bus.cable(bus.ring_cables[4], false);
+                (void)bus.stale_cycles(50);
+                Sound sound(bus);
+                bus.nics[which]->deaf = true;
+                bus.nics[1 - which]->deaf = both != 0;
+                sound.cycles(both == 0 ? 70 : both);
+                bus.nics[0]->deaf = bus.nics[1]->deaf = false;
+                sound.cycles(between);
+                bus.nics[which]->deaf = true;
+                sound.cycles(12);
+                bus.nics[which]->deaf = false;
+                sound.cycles(700);
+                EXPECT_EQ(*std::ranges::max_element(sound.longest), 0U);
+                EXPECT_EQ(sound.out_of_op, 0U);
+                EXPECT_EQ(sound.told.find("INIT"), std::string::npos) << sound.told;
+                EXPECT_TRUE(bus.all_in_op());
+            }
+}
+
 }  // namespace
 }  // namespace margay
