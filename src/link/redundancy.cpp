@@ -3,6 +3,7 @@
 #include "link/cycle.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 namespace margay {
 namespace {
@@ -10,6 +11,7 @@ namespace {
 constexpr std::size_t kSmallestFrame = wire::kFramePrefixBytes + wire::kDatagramOverheadBytes;
 constexpr std::size_t kIndexOffset = wire::kFramePrefixBytes + 1;
 constexpr auto kRelaxed = std::memory_order_relaxed;
+constexpr auto kNop = static_cast<std::byte>(wire::Command::NOP);
 
 constexpr std::uint8_t bit(unsigned nic) { return static_cast<std::uint8_t>(1U << nic); }
 
@@ -119,14 +121,11 @@ FramePair* Redundancy::open(std::uint8_t index) noexcept {
     if (pair == nullptr) return nullptr;
     pair->index = index;
     pair->came = pair->crossed = pair->idle = pair->circulated = pair->counted = 0;
-    pair->probes.store(0, kRelaxed);
-    for (unsigned nic = 0; nic < 2; ++nic) pair->arrivals[nic] = arrivals_[nic].load(kRelaxed);
+    pair->arrivals = {arrivals_[0].load(kRelaxed), arrivals_[1].load(kRelaxed)};
     return pair;
 }
 
-bool Redundancy::reaches_nothing(unsigned nic) const noexcept {
-    return refused_[nic].load(kRelaxed) || silent_[nic].load(kRelaxed);
-}
+bool Redundancy::reaches_nothing(unsigned nic) const noexcept { return refused_[nic].load(kRelaxed) || is_silent(nic); }
 
 SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexcept {
     const bool moved = pair.shift != 0 && nic != pair.front;
@@ -206,7 +205,7 @@ SendStatus Redundancy::send(Bytes frame) noexcept {
     const bool useless = one == SendStatus::busy && (first == pair->head || !by_head_.load(kRelaxed));
     const SendStatus two = useless ? SendStatus::busy : send_by(1 - first, *pair, frame);
     for (unsigned nic = 0; nic < 2; ++nic)
-        if (in_doubt_[nic].load(kRelaxed)) send_probes(*pair, nic);
+        if (hearing_[nic].load(kRelaxed) == Hearing::doubted) send_probes(*pair, nic);
     if (one == SendStatus::sent || two == SendStatus::sent) return SendStatus::sent;
     if (hold(*pair)) pair->state.store(FramePair::unused, std::memory_order_release);
     return one == SendStatus::busy || two == SendStatus::busy ? SendStatus::busy : SendStatus::failed;
@@ -232,7 +231,7 @@ unsigned Redundancy::sender_of(Bytes frame) const noexcept {
     for (unsigned nic = 0; nic < 2; ++nic) {
         const auto source = std::as_bytes(std::span(source_[nic]));
         const auto got = frame.subspan(wire::kSourceMacOffset, source.size());
-        if ((got[0] & ~wire::kPassedEscBit) == source[0] && std::ranges::equal(got.subspan(1), source.subspan(1)))
+        if ((got[0] & ~wire::kPassedEscBit) == source[0] && std::memcmp(&got[1], &source[1], source.size() - 1) == 0)
             return nic;
     }
     return 2;
@@ -244,7 +243,7 @@ bool Redundancy::awaits(const FramePair& pair, unsigned nic) const noexcept {
     const bool closed = opening_.load(kRelaxed) == Opening::closed && nic != pair.head;
     if (closed && (pair.crossed & bit(pair.head)) == 0) return false;
     return (pair.sent.load(std::memory_order_acquire) & bit(nic)) != 0 && (pair.came & bit(nic)) == 0 &&
-           (!silent_[nic].load(kRelaxed) || (pair.idle & bit(1 - nic)) != 0);
+           (!is_silent(nic) || (pair.idle & bit(1 - nic)) != 0);
 }
 
 std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
@@ -255,15 +254,14 @@ std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
     const bool crossed = from != at;
     if (!marked && !crossed && !nics_[at]->hides_own_frames()) return frame.size();  // an echo: the link counts it
     add(counters_[at].received);
-    silent_[from].store(false, kRelaxed);
-    in_doubt_[from].store(false, kRelaxed);
-    arrivals_[from].fetch_add(1, kRelaxed);
+    hearing_[from].store(Hearing::heard, kRelaxed);
+    arrivals_[from].store(static_cast<std::uint8_t>(arrivals_[from].load(kRelaxed) + 1), kRelaxed);
     missed_[from] = 0;
     if (foreign_.load(kRelaxed) && from != head()) {
         note_probe(frame, at, from);
         return 0;
     }
-    if (is_probe(frame)) return 0;
+    if (frame[wire::kFramePrefixBytes] == kNop && is_probe(frame)) return 0;
     const bool idle = crossed && !marked && !is_counted(frame);
     FramePair* const pair = pair_of(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
     // The pair is held before it is read: another thread may open it for another index at any time, even after its end.
@@ -384,7 +382,7 @@ void Redundancy::note_ring(const FramePair& pair, unsigned processed) noexcept {
         if (processed == (bit(0) | bit(1))) note_two_ends(pair);
     }
     for (unsigned nic = 0; nic < 2; ++nic) {
-        const bool gone = (pair.sent.load(kRelaxed) & bit(nic)) == 0 || silent_[nic].load(kRelaxed);
+        const bool gone = (pair.sent.load(kRelaxed) & bit(nic)) == 0 || is_silent(nic);
         const bool idle = ring_ == RingState::whole && idle_[nic] && (pair.came & bit(nic)) == 0;
         if ((pair.counted & bit(nic)) == 0 && !gone && !idle) continue;
         store_count(nic, (pair.counted & bit(nic)) != 0 ? pair.count[nic] : std::uint16_t{0});

@@ -48,7 +48,8 @@ struct FramePair {
         held,  // one thread uses the pair: the receiving thread, or the thread that opens it
     };
     std::atomic<std::uint8_t> state{unused};
-    // `sent` to `counted`: one bit for each NIC, for the copy that this NIC has sent.
+    // `sent` to `counted`: one bit for each NIC, for the copy that this NIC has sent. `sent` also has the number of
+    // probes that the NIC has sent behind the copy, see Redundancy::probes_bit().
     std::atomic<std::uint8_t> sent{0};
     std::uint8_t came = 0;
     std::uint8_t crossed = 0;
@@ -57,13 +58,12 @@ struct FramePair {
     std::uint8_t counted = 0;     // `count` of the copy is known
     std::uint8_t index = 0;
     std::uint8_t head = 0;             // the NIC at the beginning of the ring, as known when the frame was sent
-    bool positions : 1 = false;        // some datagram is addressed by position
     bool times_held : 1 = false;       // the frame only reads the reference, and brings no clock a time
     bool second_is_first : 1 = false;  // all slaves with a clock are behind the break: the other copy has the only time
     std::uint8_t front = 0;            // the NIC whose copy has the positions as sent
-    std::atomic<std::uint8_t> probes{0};     // that were sent with the frame: 4 bits for each NIC
-    std::uint16_t shift = 0;                 // added to the positions of the other copy
-    std::uint16_t size = 0;                  // octets of the frame
+    bool positions = false;            // some datagram is addressed by position
+    std::uint16_t shift = 0;           // added to the positions of the other copy
+    std::uint16_t size = 0;            // octets of the frame
     std::array<std::uint16_t, 2> count{};    // slaves that have processed the copy
     std::array<std::uint8_t, 2> arrivals{};  // of each NIC before the frame was sent: Redundancy::arrivals_
     std::uint16_t second_slaves = 0;  // answers and time that the other copy has last read from the second reference
@@ -162,6 +162,10 @@ class Redundancy final : public Nic, public Cables {
     // make it silent. If the NIC accepts fewer probes, more copies decide.
     static constexpr unsigned kProbes = 6;
     static constexpr unsigned kMissesUntilSilent = 2 + kProbes;
+    static constexpr unsigned probes_bit(unsigned nic) { return 2 + 3 * nic; }  // of 3 bits in FramePair::sent
+    [[nodiscard]] bool is_silent(unsigned nic) const noexcept {
+        return hearing_[nic].load(std::memory_order_relaxed) == Hearing::silent;
+    }
 
     [[nodiscard]] FramePair& pair(std::size_t number) noexcept {
         return number < own_.size() ? own_[number] : overlapped_[number - own_.size()];
@@ -218,10 +222,14 @@ class Redundancy final : public Nic, public Cables {
     std::array<Counters, 2> counters_;
 
     // The receiving thread writes these members, and the sending threads write some of them.
-    std::array<std::atomic<bool>, 2> refused_{};   // the NIC has not accepted the last frame
-    std::array<std::atomic<bool>, 2> busy_{};      // the NIC was busy for the last frame
-    std::array<std::atomic<bool>, 2> silent_{};    // copies do not come back, although the NIC accepts them
-    std::array<std::atomic<bool>, 2> in_doubt_{};  // the next frame shows by its probes whether the NIC is silent
+    std::array<std::atomic<bool>, 2> refused_{};  // the NIC has not accepted the last frame
+    std::array<std::atomic<bool>, 2> busy_{};     // the NIC was busy for the last frame
+    enum class Hearing : std::uint8_t {
+        heard,
+        doubted,  // the next frame shows by its probes whether the NIC is silent
+        silent,   // copies do not come back, although the NIC accepts them
+    };
+    std::array<std::atomic<Hearing>, 2> hearing_{};
     std::array<std::atomic<std::uint8_t>, 2> arrivals_{};  // frames that the NIC has sent and that came back; wraps
     std::array<std::atomic<std::uint16_t>, 2> slaves_{};
     std::atomic<std::uint8_t> head_{0};

@@ -7,8 +7,6 @@ namespace {
 // No frame of the link begins with a NOP of this address.
 constexpr wire::DatagramAddress kProbe(0x5052'4F42);
 
-constexpr unsigned shift_of_probes(unsigned nic) { return 4 * nic; }
-
 }  // namespace
 
 SendStatus Redundancy::send_probe(unsigned nic) noexcept {
@@ -25,26 +23,25 @@ SendStatus Redundancy::send_probe(unsigned nic) noexcept {
 // Sends probes behind the copy of the frame.
 void Redundancy::send_probes(FramePair& pair, unsigned nic) noexcept {
     if ((pair.sent.load(std::memory_order_relaxed) & (1U << nic)) == 0) return;
-    in_doubt_[nic].store(false, std::memory_order_relaxed);
+    hearing_[nic].store(Hearing::heard, std::memory_order_relaxed);
     unsigned sent = 0;
     while (sent < kProbes && send_probe(nic) == SendStatus::sent) ++sent;
-    pair.probes.fetch_or(static_cast<std::uint8_t>(sent << shift_of_probes(nic)), std::memory_order_relaxed);
+    pair.sent.fetch_or(static_cast<std::uint8_t>(sent << probes_bit(nic)), std::memory_order_release);
 }
 
 bool Redundancy::is_probe(Bytes frame) noexcept {
-    if (frame[wire::kFramePrefixBytes] != static_cast<std::byte>(wire::Command::NOP)) return false;
-    return wire::load_datagram_header(frame.subspan(wire::kFramePrefixBytes)).address == kProbe;
+    const auto first = wire::load_datagram_header(frame.subspan(wire::kFramePrefixBytes));
+    return first.command == wire::Command::NOP && first.address == kProbe;
 }
 
 // The copy of the NIC did not come back; the copy of the other NIC did. It says nothing about the present if a frame of
 // the NIC has come back since it was sent. Otherwise its probes did not come back either.
 void Redundancy::note_miss(const FramePair& pair, unsigned nic) noexcept {
-    constexpr unsigned kCount = 0xF;
+    constexpr unsigned kCount = 7;
     if (pair.arrivals[nic] != arrivals_[nic].load(std::memory_order_relaxed)) return;
-    missed_[nic] += 1 + ((pair.probes.load(std::memory_order_relaxed) >> shift_of_probes(nic)) & kCount);
+    missed_[nic] += 1 + ((pair.sent.load(std::memory_order_relaxed) >> probes_bit(nic)) & kCount);
     const bool silent = missed_[nic] >= kMissesUntilSilent;
-    if (silent) silent_[nic].store(true, std::memory_order_relaxed);
-    in_doubt_[nic].store(!silent, std::memory_order_relaxed);
+    hearing_[nic].store(silent ? Hearing::silent : Hearing::doubted, std::memory_order_relaxed);
 }
 
 // A probe that comes back at its own NIC and has passed a slave with a closed port 0 shows that this NIC is at the end
