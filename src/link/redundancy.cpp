@@ -3,6 +3,7 @@
 #include "link/cycle.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 namespace margay {
 namespace {
@@ -10,6 +11,7 @@ namespace {
 constexpr std::size_t kSmallestFrame = wire::kFramePrefixBytes + wire::kDatagramOverheadBytes;
 constexpr std::size_t kIndexOffset = wire::kFramePrefixBytes + 1;
 constexpr auto kRelaxed = std::memory_order_relaxed;
+constexpr auto kNop = static_cast<std::byte>(wire::Command::NOP);
 
 constexpr std::uint8_t bit(unsigned nic) { return static_cast<std::uint8_t>(1U << nic); }
 
@@ -119,12 +121,11 @@ FramePair* Redundancy::open(std::uint8_t index) noexcept {
     if (pair == nullptr) return nullptr;
     pair->index = index;
     pair->came = pair->crossed = pair->idle = pair->circulated = pair->counted = 0;
+    pair->arrivals = {arrivals_[0].load(kRelaxed), arrivals_[1].load(kRelaxed)};
     return pair;
 }
 
-bool Redundancy::reaches_nothing(unsigned nic) const noexcept {
-    return refused_[nic].load(kRelaxed) || silent_[nic].load(kRelaxed);
-}
+bool Redundancy::reaches_nothing(unsigned nic) const noexcept { return refused_[nic].load(kRelaxed) || is_silent(nic); }
 
 SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexcept {
     const bool moved = pair.shift != 0 && nic != pair.front;
@@ -173,27 +174,8 @@ SendStatus Redundancy::send_by_head(FramePair& pair, Bytes frame) noexcept {
     const SendStatus only = send_by(pair.head, pair, frame);
     if (only != SendStatus::sent && hold(pair)) pair.state.store(FramePair::unused, std::memory_order_release);
     if (foreign_.load(kRelaxed) && probe_turn_.fetch_add(1, kRelaxed) % kFramesPerProbe == 0)
-        send_probe(1U - pair.head);
+        (void)send_probe(1U - pair.head);
     return only;
-}
-
-void Redundancy::send_probe(unsigned nic) noexcept {
-    constexpr std::size_t kShortest = 60;
-    std::array<std::byte, kShortest> probe{};
-    wire::FrameBuilder builder(probe, source_[nic]);
-    (void)builder.append(wire::Command::NOP, 0, wire::DatagramAddress(0), 2);
-    (void)builder.finish();
-    if (nics_[nic]->send(probe) == SendStatus::sent) add(counters_[nic].sent);
-}
-
-// A probe that comes back at its own NIC and has passed a slave with a closed port 0 shows that this NIC is at the end
-// of the broken ring again. In a whole ring, the copy of the head shows that the NIC is connected.
-void Redundancy::note_probe(Bytes frame, unsigned at, unsigned from) noexcept {
-    if (at != from || !wire::load_datagram_header(frame.subspan(wire::kFramePrefixBytes)).circulating) return;
-    head_.store(static_cast<std::uint8_t>(1 - from), kRelaxed);
-    two_beginnings_ = 0;
-    ever_parted_ = true;
-    set_fault(CablingFault::none);
 }
 
 SendStatus Redundancy::send(Bytes frame) noexcept {
@@ -222,6 +204,8 @@ SendStatus Redundancy::send(Bytes frame) noexcept {
     // If the first NIC is busy, slaves would miss the frame, unless slaves process only the copy of the other NIC.
     const bool useless = one == SendStatus::busy && (first == pair->head || !by_head_.load(kRelaxed));
     const SendStatus two = useless ? SendStatus::busy : send_by(1 - first, *pair, frame);
+    for (unsigned nic = 0; nic < 2; ++nic)
+        if (hearing_[nic].load(kRelaxed) == Hearing::doubted) send_probes(*pair, nic);
     if (one == SendStatus::sent || two == SendStatus::sent) return SendStatus::sent;
     if (hold(*pair)) pair->state.store(FramePair::unused, std::memory_order_release);
     return one == SendStatus::busy || two == SendStatus::busy ? SendStatus::busy : SendStatus::failed;
@@ -247,7 +231,7 @@ unsigned Redundancy::sender_of(Bytes frame) const noexcept {
     for (unsigned nic = 0; nic < 2; ++nic) {
         const auto source = std::as_bytes(std::span(source_[nic]));
         const auto got = frame.subspan(wire::kSourceMacOffset, source.size());
-        if ((got[0] & ~wire::kPassedEscBit) == source[0] && std::ranges::equal(got.subspan(1), source.subspan(1)))
+        if ((got[0] & ~wire::kPassedEscBit) == source[0] && std::memcmp(&got[1], &source[1], source.size() - 1) == 0)
             return nic;
     }
     return 2;
@@ -259,7 +243,7 @@ bool Redundancy::awaits(const FramePair& pair, unsigned nic) const noexcept {
     const bool closed = opening_.load(kRelaxed) == Opening::closed && nic != pair.head;
     if (closed && (pair.crossed & bit(pair.head)) == 0) return false;
     return (pair.sent.load(std::memory_order_acquire) & bit(nic)) != 0 && (pair.came & bit(nic)) == 0 &&
-           (!silent_[nic].load(kRelaxed) || (pair.idle & bit(1 - nic)) != 0);
+           (!is_silent(nic) || (pair.idle & bit(1 - nic)) != 0);
 }
 
 std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
@@ -270,12 +254,14 @@ std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
     const bool crossed = from != at;
     if (!marked && !crossed && !nics_[at]->hides_own_frames()) return frame.size();  // an echo: the link counts it
     add(counters_[at].received);
-    silent_[from].store(false, kRelaxed);
+    hearing_[from].store(Hearing::heard, kRelaxed);
+    arrivals_[from].store(static_cast<std::uint8_t>(arrivals_[from].load(kRelaxed) + 1), kRelaxed);
     missed_[from] = 0;
     if (foreign_.load(kRelaxed) && from != head()) {
         note_probe(frame, at, from);
         return 0;
     }
+    if (frame[wire::kFramePrefixBytes] == kNop && is_probe(frame)) return 0;
     const bool idle = crossed && !marked && !is_counted(frame);
     FramePair* const pair = pair_of(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
     // The pair is held before it is read: another thread may open it for another index at any time, even after its end.
@@ -396,7 +382,7 @@ void Redundancy::note_ring(const FramePair& pair, unsigned processed) noexcept {
         if (processed == (bit(0) | bit(1))) note_two_ends(pair);
     }
     for (unsigned nic = 0; nic < 2; ++nic) {
-        const bool gone = (pair.sent.load(kRelaxed) & bit(nic)) == 0 || silent_[nic].load(kRelaxed);
+        const bool gone = (pair.sent.load(kRelaxed) & bit(nic)) == 0 || is_silent(nic);
         const bool idle = ring_ == RingState::whole && idle_[nic] && (pair.came & bit(nic)) == 0;
         if ((pair.counted & bit(nic)) == 0 && !gone && !idle) continue;
         store_count(nic, (pair.counted & bit(nic)) != 0 ? pair.count[nic] : std::uint16_t{0});
@@ -453,7 +439,7 @@ void Redundancy::give_up(std::uint8_t index) noexcept {
         if ((sent & bit(nic)) == 0 || (pair->came & bit(nic)) != 0) continue;
         add(counters_[nic].lost);
         const bool other_came = (pair->came & bit(1 - nic)) != 0;
-        if (other_came && ++missed_[nic] >= kMissesUntilSilent) silent_[nic].store(true, kRelaxed);
+        if (other_came) note_miss(*pair, nic);
     }
     pair->state.store(FramePair::unused, std::memory_order_release);
 }

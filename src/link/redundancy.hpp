@@ -48,7 +48,8 @@ struct FramePair {
         held,  // one thread uses the pair: the receiving thread, or the thread that opens it
     };
     std::atomic<std::uint8_t> state{unused};
-    // `sent` to `counted`: one bit for each NIC, for the copy that this NIC has sent.
+    // `sent` to `counted`: one bit for each NIC, for the copy that this NIC has sent. `sent` also has the number of
+    // probes that the NIC has sent behind the copy, see Redundancy::probes_bit().
     std::atomic<std::uint8_t> sent{0};
     std::uint8_t came = 0;
     std::uint8_t crossed = 0;
@@ -56,14 +57,15 @@ struct FramePair {
     std::uint8_t circulated = 0;  // the copy has passed a slave whose port 0 is closed: the first slave behind a break
     std::uint8_t counted = 0;     // `count` of the copy is known
     std::uint8_t index = 0;
-    std::uint8_t head = 0;                 // the NIC at the beginning of the ring, as known when the frame was sent
-    bool positions = false;                // some datagram is addressed by position
-    std::uint8_t front = 0;                // the NIC whose copy has the positions as sent
-    std::uint16_t shift = 0;               // added to the positions of the other copy
-    std::uint16_t size = 0;                // octets of the frame
-    std::array<std::uint16_t, 2> count{};  // slaves that have processed the copy
-    bool times_held = false;               // the frame only reads the reference, and brings no clock a time
-    bool second_is_first = false;     // all slaves with a clock are behind the break: the other copy has the only time
+    std::uint8_t head = 0;             // the NIC at the beginning of the ring, as known when the frame was sent
+    bool times_held : 1 = false;       // the frame only reads the reference, and brings no clock a time
+    bool second_is_first : 1 = false;  // all slaves with a clock are behind the break: the other copy has the only time
+    std::uint8_t front = 0;            // the NIC whose copy has the positions as sent
+    bool positions = false;            // some datagram is addressed by position
+    std::uint16_t shift = 0;           // added to the positions of the other copy
+    std::uint16_t size = 0;            // octets of the frame
+    std::array<std::uint16_t, 2> count{};    // slaves that have processed the copy
+    std::array<std::uint8_t, 2> arrivals{};  // of each NIC before the frame was sent: Redundancy::arrivals_
     std::uint16_t second_slaves = 0;  // answers and time that the other copy has last read from the second reference
     std::uint32_t second_ns = 0;
     std::array<TimeDatagram, 2> times{};
@@ -155,7 +157,15 @@ class Redundancy final : public Nic, public Cables {
     };
     using Numbers = std::array<std::atomic<std::uint16_t>, 256>;
     static constexpr std::uint16_t kNoPair = 0xFFFF;
-    static constexpr unsigned kMissesUntilSilent = 2;
+    // A NIC is silent when so many of its frames did not come back in succession. They are two copies and the probes:
+    // after the first lost copy, the NIC sends probes with the next frame. So two copies that are lost by chance do not
+    // make it silent. If the NIC accepts fewer probes, more copies decide.
+    static constexpr unsigned kProbes = 6;
+    static constexpr unsigned kMissesUntilSilent = 2 + kProbes;
+    static constexpr unsigned probes_bit(unsigned nic) { return 2 + 3 * nic; }  // of 3 bits in FramePair::sent
+    [[nodiscard]] bool is_silent(unsigned nic) const noexcept {
+        return hearing_[nic].load(std::memory_order_relaxed) == Hearing::silent;
+    }
 
     [[nodiscard]] FramePair& pair(std::size_t number) noexcept {
         return number < own_.size() ? own_[number] : overlapped_[number - own_.size()];
@@ -192,7 +202,11 @@ class Redundancy final : public Nic, public Cables {
     void place(FramePair& pair, bool head_only) const noexcept;
     [[nodiscard]] bool is_opened_by(Bytes frame) noexcept;
     [[nodiscard]] SendStatus send_by_head(FramePair& pair, Bytes frame) noexcept;
-    void send_probe(unsigned nic) noexcept;
+    // Frames without commands (link/redundancy_probe.cpp).
+    [[nodiscard]] SendStatus send_probe(unsigned nic) noexcept;
+    void send_probes(FramePair& pair, unsigned nic) noexcept;
+    [[nodiscard]] static bool is_probe(Bytes frame) noexcept;
+    void note_miss(const FramePair& pair, unsigned nic) noexcept;
     void note_probe(Bytes frame, unsigned at, unsigned from) noexcept;
     [[nodiscard]] static bool is_misplaced(const FramePair& pair, unsigned processed) noexcept;
     [[nodiscard]] std::size_t finish(FramePair& pair, MutableBytes frame, unsigned from) noexcept;
@@ -210,7 +224,13 @@ class Redundancy final : public Nic, public Cables {
     // The receiving thread writes these members, and the sending threads write some of them.
     std::array<std::atomic<bool>, 2> refused_{};  // the NIC has not accepted the last frame
     std::array<std::atomic<bool>, 2> busy_{};     // the NIC was busy for the last frame
-    std::array<std::atomic<bool>, 2> silent_{};   // copies do not come back, although the NIC accepts them
+    enum class Hearing : std::uint8_t {
+        heard,
+        doubted,  // the next frame shows by its probes whether the NIC is silent
+        silent,   // copies do not come back, although the NIC accepts them
+    };
+    std::array<std::atomic<Hearing>, 2> hearing_{};
+    std::array<std::atomic<std::uint8_t>, 2> arrivals_{};  // frames that the NIC has sent and that came back; wraps
     std::array<std::atomic<std::uint16_t>, 2> slaves_{};
     std::atomic<std::uint8_t> head_{0};
     static constexpr std::uint32_t packed(StationAddress slave, StationAddress reference) {
@@ -231,7 +251,7 @@ class Redundancy final : public Nic, public Cables {
     static constexpr std::uint8_t kFramesPerProbe = 64;
 
     // Members of the receiving thread.
-    std::array<unsigned, 2> missed_{};  // copies that did not come back since the last copy came back
+    std::array<unsigned, 2> missed_{};  // copies and probes that did not come back since a frame came back
     std::array<bool, 2> idle_{};        // in the whole ring, no slave processes the copy
     std::array<bool, 2> count_is_new_{};
     unsigned turn_ = 0;  // the NIC that is asked first

@@ -206,6 +206,18 @@ void note_change(Network& network, Slave& slave, const AlStatus& before) {
 
 ChangeReport::~ChangeReport() { note_change(network_, slave_, before_); }
 
+void end_work_upwards(Network& network, const Slave& slave) {
+    const SlaveWork* work = find_work(network, slave);
+    if (work == nullptr || work->since == kNever || work->upwards_to == AlState::none) return;
+    if (goal(network, slave) < work->upwards_to) drop_work(network, slave);
+}
+
+bool is_first_silence(Network& network, const Slave& slave, const Error& error) {
+    SlaveMarks& marks = network.marks(slave);
+    if (!does_not_answer(error) || marks.unanswered) return false;
+    return marks.unanswered = true;
+}
+
 // NONE is not stored here: note_lost() stores it.
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
     if (slave.al == now) note_reached(network, slave, now.state);

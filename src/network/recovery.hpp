@@ -36,6 +36,14 @@ class ChangeReport {
 // whole start-up when the slave has lost its configuration or refuses.
 [[nodiscard]] Task<Result<>> bring_back(Network& network, Slave& slave);
 
+// Ends a start-up when the target of the slave has become lower: a hook of the start-up must not hold the slave.
+void end_work_upwards(Network& network, const Slave& slave);
+
+// Call it when the identity of a slave in doubt could not be compared. True if the slave did not answer, for the first
+// time since it was in doubt: then the next reading of its state shows whether it is lost, or it is compared again.
+// Until then it keeps its FMMUs, because the replies of one part of a ring may be missing for a moment.
+[[nodiscard]] bool is_first_silence(Network& network, const Slave& slave, const Error& error);
+
 // Reports by an event that the state of the slave has changed from `before` to slave.al; NONE: that it is lost.
 void note_change(Network& network, Slave& slave, const AlStatus& before);
 

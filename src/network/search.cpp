@@ -305,6 +305,7 @@ void note_lost(Network& network, Slave& slave) {
     slave.al = {};
     slave.ring_position = 0;
     network.marks(slave).settled = AlState::none;
+    network.marks(slave).unanswered = false;
     network.clocks.lose_sync(slave);
     leave_exchange(network, slave);
 }
@@ -399,7 +400,8 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
         // Another slave is identified by the search. If the SII cannot be read, the next look repeats the check.
         if (!same) {
             if (same.error().code != slave.error.code) network.note(slave, same.error());
-            co_await completion(unmap(network.station(slave)));  // until then the slave gets no outputs
+            if (!is_first_silence(network, slave, same.error()))
+                co_await completion(unmap(network.station(slave)));  // until then the slave gets no outputs
             network.marks(slave).uncertain = false;
             co_return Nothing{};
         }

@@ -26,8 +26,8 @@ struct SlaveMarks {
     // The state to which the supervision brought the slave last without an error.
     AlState settled : 4 = AlState::none;
     // The failed attempts of the supervision since the slave was last in its target state, as far as they are counted.
-    std::uint8_t attempts : 4 = 0;
-    static constexpr std::uint8_t kMostAttempts = 15;
+    std::uint8_t attempts : 3 = 0;
+    static constexpr std::uint8_t kMostAttempts = 7;
     bool in_use : 1 = false;            // see SlaveToken
     bool pdos_compared : 1 = false;     // differences between the sources of its PDOs have been reported
     bool missing_reported : 1 = false;  // reported as missing while its hot connect group is present
@@ -56,7 +56,8 @@ struct SlaveMarks {
     // While it takes part: a state below SAFEOP was requested, and its AL status was not read since. While it does not:
     // its FMMUs are being written or read. So the working counters may include its share or not.
     bool uncertain : 1 = false;
-    bool boot_read : 1 = false;  // its AL status was read since it was away, and is still BOOT
+    bool boot_read : 1 = false;   // its AL status was read since it was away, and is still BOOT
+    bool unanswered : 1 = false;  // see is_first_silence()
     // Where the slave was seen last in a ring that could be read: below this port of the slave `home` (0: the first
     // NIC), and at the second NIC. See places.hpp.
     bool at_second_nic : 1 = false;
@@ -71,7 +72,7 @@ struct SlaveMarks {
         boot_read &= !away;
     }
     // Call it when the comparison has shown that this slave answers.
-    void trust() { unproved = was_away = false; }
+    void trust() { unproved = was_away = unanswered = false; }
 };
 
 // The token of a slave: one request, or the supervision, changes the slave at a time. The token is taken on

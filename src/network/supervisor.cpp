@@ -171,6 +171,9 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         co_return Nothing{};
     }
     if (network.is_doubted(slave) && slave.al.state != AlState::none) {
+        watch.look_at = network.engine.now();
+        if (does_not_answer(done.error()) && done.error().step == Step::read_state) note_lost(network, slave);
+        if (slave.al.state == AlState::none || is_first_silence(network, slave, done.error())) co_return Nothing{};
         co_await completion(clear_fmmus(network, slave));  // the slave gets no outputs until its identity is compared
     }
     // The next look reports a slave that is lost again. The search reports another slave at its place.
@@ -290,13 +293,6 @@ void report_silent_segment(Watch& watch) {
     watch.network.report({.kind = EventKind::lost});
     watch.network.silent = true;
     doubt_all(watch.network, true);
-}
-
-// Ends a start-up when the target of the slave has become lower: a hook of the start-up must not hold the slave.
-void end_work_upwards(Network& network, const Slave& slave) {
-    const SlaveWork* work = find_work(network, slave);
-    if (work == nullptr || work->since == kNever || work->upwards_to == AlState::none) return;
-    if (goal(network, slave) < work->upwards_to) drop_work(network, slave);
 }
 
 void start_helpers(Watch& watch, Crew& crew) {

@@ -47,7 +47,6 @@ only("(prove_in_boot|forward_mail|send_overlapped)" everything)
 nowhere(
   aoe aoe_listener clock_delays clock_kind clock_sync clock_watch clocks coe_mail_pdo coe_stream datagram describe_event entry
   entry_names external_clock foe foe_transfer frame_times hooked hooked_file hooked_mail latches link_layer_clock listen mail_pdo
-  mailbox_places master_clock phase_controller raw_mail redundancy redundancy_merge redundancy_opening redundancy_time
-  reference_clock registers replan ring_clocks ring_rates ring_watch ring_ways sdo_stream sii sii_write soe_listener startup_aoe
-  startup_eoe startup_soe
-  voe voe_inbox)
+  mailbox_places master_clock phase_controller raw_mail redundancy redundancy_merge redundancy_opening
+  redundancy_probe redundancy_time reference_clock registers replan ring_clocks ring_rates ring_watch ring_ways
+  sdo_stream sii sii_write soe_listener startup_aoe startup_eoe startup_soe voe voe_inbox)
