@@ -5,6 +5,12 @@ set -eu
 cd "$(dirname "$0")/.."
 . samples/packages.sh
 
+case ${1-} in
+'') ;;
+--help) sed -n '2,/^[^#]/s/^# \{0,1\}//p' samples/quickstart.sh && exit ;;
+*) echo "samples/quickstart.sh: unknown option '$1'" >&2 && exit 2 ;;
+esac
+
 need_packages g++ make ninja-build cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev libtomlplusplus-dev \
     libncurses-dev libpugixml-dev || exit 1
 

@@ -21,6 +21,7 @@ cd "$(dirname "$0")/.."
 
 quick=no
 skips=yes
+lists=no
 # ctest ignores words that it does not know. So a wrong word ends the script here.
 left=$#
 while [ $left -gt 0 ]; do
@@ -39,7 +40,20 @@ while [ $left -gt 0 ]; do
             left=$((left - 1))
         done
         ;;
-    -R | -E | -L | -LE | -I | -N | -V | -VV | [!-]*) set -- "$@" "$word" ;;
+    -R | -E | -L | -LE | -I)
+        value=-
+        [ $left -eq 0 ] || value=$1
+        case $value in -*)
+            echo "test/run.sh: option '$word' needs a value" >&2
+            exit 2
+            ;;
+        esac
+        set -- "$@" "$word" "$value"
+        shift
+        left=$((left - 1))
+        ;;
+    -N) lists=yes && set -- "$@" "$word" ;;
+    -V | -VV) set -- "$@" "$word" ;;
     *)
         echo "test/run.sh: unknown option '$word'; other options of ctest follow '--'" >&2
         exit 2
@@ -142,7 +156,6 @@ run() {
     fi
 }
 
-# In build/ each source of the core is compiled alone, because the archives of this build are installed.
 if [ $quick = yes ]; then
     run build -DMARGAY_UNITY=ON -DMARGAY_TEST_PROGRAMS=all -DMARGAY_TEST_BUILDS=OFF -- "$@"
 else
@@ -166,6 +179,7 @@ else
             rm -rf build-sanitized
         fi
     fi
+    # Each source of the core is compiled alone, because tests install the archives of this build.
     run build -DMARGAY_UNITY=tests -DMARGAY_TEST_PROGRAMS=unsanitized -DMARGAY_TEST_BUILDS=ON -DMARGAY_NESTED_CLANG=$nested_clang -- "$@"
     export UBSAN_OPTIONS=print_stacktrace=1
     # shellcheck disable=SC2086  # a list of words
@@ -179,4 +193,8 @@ fi
 echo
 echo '  step                          seconds  processor seconds'
 cat "$records/steps"
+if [ ! -s "$records/summaries" ] && [ $lists = no ]; then
+    echo "test/run.sh: no test was run" >&2
+    exit 1
+fi
 cat "$records/summaries"

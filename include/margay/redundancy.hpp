@@ -81,10 +81,10 @@
 // get no commands. With each 64th frame the second NIC sends a frame without commands (NOP); when this frame comes back
 // as in a ring, the cable is right again.
 //
-// When a frame of one NIC does not come back and the frame of the other NIC does, the first of these NICs sends six
-// frames with a NOP behind its next frame. If none of these frames comes back, its cable is broken, although the NIC
-// may report a link: then no frame is awaited at this NIC until one comes back. So single frames that are lost cost
-// only their own cycle, and no slave is regarded as lost because of them.
+// When a frame of one NIC is lost and the frame of the other NIC comes back, the NIC of the lost frame sends six frames
+// with a NOP behind its next frame. If none of these frames comes back, the cable of this NIC is broken, although the
+// NIC may report a link. Then the library waits for no frame of this NIC until a frame of this NIC has come back. So a
+// single lost frame costs only its own cycle, and the library regards no slave as lost because of it.
 #pragma once
 
 #include <margay/context.hpp>

@@ -35,8 +35,19 @@ struct Checkout : testing::Test {
                                                "case $* in *install*) for name; do echo \"$name\" >>'" +
                                                file("installed") + "'; done;; esac\n");
         folder.write_script("bin/nproc", "echo 2\n");
-        folder.write_script("bin/ctest", "echo \"ctest $*\" >>'" + file("log") + "'\n");
+        tests_pass("7");
         folder.write_script("bin/cmake", "echo \"cmake $*\" >>'" + file("log") + "'\n");
+    }
+    // Replaces ctest: `number` tests pass; "": ctest finds no test.
+    void tests_pass(const std::string& number) {
+        const std::string summary =
+            number.empty() ? "No tests were found!!!" : "100%% tests passed, 0 tests failed out of " + number;
+        folder.write_script("bin/ctest",
+                            "echo \"ctest $*\" >>'" + file("log") +
+                                "'\n"
+                                "while [ $# -gt 0 ]; do case $1 in --output-log) log=$2;; esac; shift; done\n"
+                                "printf '" +
+                                summary + "\\n' >\"$log\"\n");
     }
     [[nodiscard]] std::string file(const std::string& name) const { return (folder.path() / name).string(); }
     [[nodiscard]] Ran script(const std::string& command) const {
@@ -46,7 +57,7 @@ struct Checkout : testing::Test {
 };
 
 TEST_F(Checkout, OneUnknownUsefulPackageLeavesTheOthersInstalled) {
-    const auto ran = script("sh test/run.sh --quick");
+    const auto ran = script("sh test/run.sh");
     EXPECT_EQ(ran.status, 0) << ran.err;
     for (const auto* name : {"g++", "libgtest-dev", "valgrind", "tshark", "libclang-rt-16-dev", "gcc-arm-none-eabi"})
         EXPECT_TRUE(contains("\n" + content_of(file("installed")), "\n" + std::string(name) + "\n")) << name;
@@ -54,6 +65,15 @@ TEST_F(Checkout, OneUnknownUsefulPackageLeavesTheOthersInstalled) {
     EXPECT_TRUE(contains(log(), "cmake --build build --parallel ")) << log();
     const auto all = log();
     EXPECT_EQ(all.find("apt-get -q update"), all.rfind("apt-get -q update")) << "once is enough";
+}
+
+TEST_F(Checkout, AQuickRunInstallsNoOtherCompilers) {
+    const auto ran = script("sh test/run.sh --quick");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    const auto installed = content_of(file("installed"));
+    EXPECT_TRUE(contains(installed, "\ntshark\n")) << installed;
+    for (const auto* name : {"arm-none-eabi", "clang", "s390x", "qemu"})
+        EXPECT_FALSE(contains(installed, name)) << installed;
 }
 
 TEST_F(Checkout, AnUnknownNeededPackageEndsTheRun) {
@@ -79,10 +99,16 @@ TEST_F(Checkout, ASkippedTestFailsTheRunWhereThatIsAskedFor) {
 
 // ctest ignores options that it does not know, and its --help executes no test.
 TEST_F(Checkout, AWrongOptionOfARunIsAnError) {
-    for (const auto* wrong : {"--quik", "--no-skip", "-R wire --quik", "-quick", "--rerun-failed"}) {
+    for (const auto* wrong :
+         {"--quik", "--no-skip", "-R wire --quik", "-quick", "--rerun-failed", "quick", "-R wire wire"}) {
         const auto ran = script("sh test/run.sh " + std::string(wrong));
         EXPECT_EQ(ran.status, 2) << wrong;
-        EXPECT_TRUE(contains(ran.err, "unknown option '-")) << ran.err;
+        EXPECT_TRUE(contains(ran.err, "unknown option '")) << ran.err;
+    }
+    for (const auto* wrong : {"-R", "--quick -E", "-L --quick"}) {
+        const auto ran = script("sh test/run.sh " + std::string(wrong));
+        EXPECT_EQ(ran.status, 2) << wrong;
+        EXPECT_TRUE(contains(ran.err, "needs a value")) << ran.err;
     }
     const auto help = script("sh test/run.sh --help");
     EXPECT_EQ(help.status, 0);
@@ -95,10 +121,29 @@ TEST_F(Checkout, AWrongOptionOfARunIsAnError) {
     EXPECT_FALSE(contains(log(), "build-sanitized")) << log();
 }
 
+TEST_F(Checkout, TheQuickstartKnowsNoOptionButHelp) {
+    const auto wrong = script("sh samples/quickstart.sh now");
+    EXPECT_EQ(wrong.status, 2);
+    EXPECT_TRUE(contains(wrong.err, "unknown option 'now'")) << wrong.err;
+    const auto help = script("sh samples/quickstart.sh --help");
+    EXPECT_EQ(help.status, 0);
+    EXPECT_TRUE(contains(help.out, "installs the packages")) << help.out;
+    EXPECT_FALSE(contains(help.out, "set -eu")) << help.out;
+    EXPECT_EQ(log(), "") << "nothing was installed or built";
+}
+
+TEST_F(Checkout, ARunWithoutATestIsAnError) {
+    tests_pass("");
+    for (const auto* options : {"-R NoSuchTest", "--quick -R NoSuchTest"}) {
+        const auto ran = script("sh test/run.sh " + std::string(options));
+        EXPECT_EQ(ran.status, 1) << options;
+        EXPECT_TRUE(ran.err.ends_with("test/run.sh: no test was run\n")) << ran.err;
+    }
+    const auto listed = script("sh test/run.sh --quick -N");
+    EXPECT_EQ(listed.status, 0) << listed.err;
+}
+
 TEST_F(Checkout, ARunEndsWithTheTimeOfEachStepAndTheSummaries) {
-    folder.write_script("bin/ctest",
-                        "while [ $# -gt 0 ]; do case $1 in --output-log) log=$2;; esac; shift; done\n"
-                        "echo '100% tests passed, 0 tests failed out of 7' >\"$log\"\n");
     const auto ran = script("sh test/run.sh");
     ASSERT_EQ(ran.status, 0) << ran.err;
     for (const auto* build : {"build", "build-sanitized", "build-threads"})
