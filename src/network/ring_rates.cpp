@@ -43,17 +43,14 @@ bool RingWatch::lacks_rate(Network& network, std::uint16_t wanted) const {
            !clocks.entries[wanted - 1U].knows_rate && network.slave(clocks.reference).al.state != AlState::none;
 }
 
-// Whether both clocks have the same rate, and the clock of the slave is at rest there.
-Task<Result<bool>> RingWatch::runs_alike(Network& network, Slave& slave, Slave& present) const {
+// Whether the difference of both clocks changes by less than `most_ns` in 20 ms. While no time arrives, a clock keeps
+// its rate.
+Task<Result<bool>> RingWatch::runs_alike(Network& network, Slave& slave, Slave& present, std::int64_t most_ns) const {
     constexpr Duration kLook = std::chrono::milliseconds(20);
-    constexpr std::int64_t kMostChange_ns = 50;
     const auto before = co_await required(measure_ahead(network, slave, present));
     co_await network.engine.sleep_for(kLook);
     const auto ahead = co_await required(measure_ahead(network, slave, present));
-    co_await required(read_difference(network, slave));
-    const std::int64_t away_ns = std::abs(std::int64_t{network.clocks.of(slave).difference_ns});
-    if (away_ns > network.clocks.settings.limit_ns) co_return false;
-    co_return std::abs(ahead - before) <= kMostChange_ns;
+    co_return std::abs(ahead - before) <= most_ns;
 }
 
 // A lesson of a running cycle, whose frames are sent one by one.
@@ -75,20 +72,30 @@ Task<Result<>> RingWatch::teach_in_cycles(Network& network, const Slave& slave) 
 // Finds out whether a clock behind the break has learned the rate of the reference, before it becomes the second
 // reference: at its own rate it would move by more than the limit between two corrections. Before the present second
 // reference, the clock learns the rate from the time that the master sends. If there is none, the master writes the
-// time to the clock. A clock that has learned the rate is set to the time of the present second reference.
+// time to the clock. The jitter of the master changes the rate from frame to frame. So the time is stopped, the rate is
+// measured by receive times, and the clock is tried again later if its rate is not good enough. A clock with a good
+// rate is set to the time of the present second reference.
 Task<Result<bool>> RingWatch::prepare_second(Network& network, Slave& slave) {
     constexpr unsigned kMostLessons = 4;
+    constexpr std::uint8_t kStrictRounds = 100;
+    constexpr std::int64_t kMostChange_ns = 50;
+    const std::int64_t limit_ns = network.clocks.settings.limit_ns;
     const bool follows = has_present_second(network);
     Slave& present = network.slave(follows ? second_ : network.clocks.reference);
     const std::uint32_t ways = ring_.ways();
-    auto learned = co_await required(runs_alike(network, slave, present));
+    ring_.set_second_reference({});
+    const bool strict = rounds_seen_ <= kStrictRounds;
+    auto learned = co_await required(runs_alike(network, slave, present, strict ? kMostChange_ns : limit_ns));
     if (!learned && !follows) lose_behind(network);  // no time reaches these clocks during the lessons
     for (unsigned n = 0; !learned && !follows && n < kMostLessons && ring_.ways() == ways; ++n) {
         co_await required(teach_in_cycles(network, slave));
-        learned = co_await required(runs_alike(network, slave, present));
+        learned = co_await required(runs_alike(network, slave, present, n == 0 ? kMostChange_ns : limit_ns));
     }
     if (!learned) co_return false;
-    ring_.set_second_reference({});  // no time until the clock is the second reference
+    // The mean of the differences is cleared, because it contains the jitter: the rate stays.
+    const wire::Register filter = reg::kSystemTimeDifferenceFilter;
+    const auto depth = co_await required(read<std::uint8_t>(network.station(slave), filter, Step::configure_clocks));
+    co_await required(write_clock_register(network.station(slave), filter, depth));
     const auto ahead = co_await required(measure_ahead(network, slave, present));
     co_await required(move_clock(network, slave, -ahead));
     network.clocks.of(slave).knows_rate = true;

@@ -88,7 +88,8 @@ class RingWatch final : public RedundancyPart {
         return second_ != 0 && network.slave(second_).al.state != AlState::none;
     }
     [[nodiscard]] Task<Result<>> teach_in_cycles(Network& network, const Slave& slave) const;
-    [[nodiscard]] Task<Result<bool>> runs_alike(Network& network, Slave& slave, Slave& present) const;
+    [[nodiscard]] Task<Result<bool>> runs_alike(Network& network, Slave& slave, Slave& present,
+                                                std::int64_t most_ns) const;
     [[nodiscard]] Task<Result<bool>> prepare_second(Network& network, Slave& slave);
     [[nodiscard]] Task<Result<bool>> is_second_late(Network& network, std::uint16_t wanted);
     [[nodiscard]] Task<Result<>> set_second_part(Network& network, Slave& second);

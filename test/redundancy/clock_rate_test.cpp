@@ -59,6 +59,36 @@ TEST(ClockRingRate, IsLearnedWithoutAnotherSecondReference) {
     }
 }
 
+// The master sends wrong times, because it cannot know the moment of the next cycle.
+TEST(ClockRingRate, IsLearnedWhileTheCycleVaries) {
+    for (const unsigned jitter_ns : {500U, 2000U, 5000U}) {
+        SCOPED_TRACE(jitter_ns);
+        ClockRingBus bus;
+        bus.build(6, false);
+        bus.bring_up();
+        std::uint32_t random = 12345;
+        const auto go = [&](unsigned count) {
+            std::int64_t most = 0;
+            for (unsigned n = 0; n < count; ++n) {
+                random = random * 1664525U + 1013904223U;
+                bus.osal.advance(std::chrono::nanoseconds((random >> 8) % jitter_ns));
+                most = std::max(most, bus.cycles(1));
+            }
+            return most;
+        };
+        bus.cable(bus.ring_cables[2], false);
+        (void)go(500);
+        bus.segment.set_power(bus.at[2], false, bus.osal.now());
+        (void)go(1000);
+        bus.segment.set_power(bus.at[2], true, bus.osal.now());
+        (void)go(6000);
+        ASSERT_TRUE(bus.all_in_op()) << bus.joined(bus.events());
+        EXPECT_EQ(bus.status().second_reference, 3);
+        EXPECT_LE(go(1000), 200) << bus.joined(bus.events());
+        EXPECT_TRUE(are_all_in_sync(bus)) << bus.joined(bus.events());
+    }
+}
+
 TEST(ClockRingRate, IsLearnedWithLostFrames) {
     ClockRingBus bus;
     bus.build(6, false);
