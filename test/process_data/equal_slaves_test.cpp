@@ -32,7 +32,7 @@ class EqualSlaves : public testing::Test, protected Plant {
         ASSERT_TRUE(segment.connect({line[2], 1}, {line[3], 0}));
         ASSERT_TRUE(segment.connect({line[3], 1}, {line[4], 0}));
         for (ExpectedSlave& slave : wanted) slave.config = &kIo;
-        EXPECT_EQ(bring_up(wanted), Words());
+        EXPECT_EQ(bring_up(wanted), Sentences());
         run();
     }
     void put_second_in() {
@@ -185,7 +185,7 @@ class NeverThere : public testing::Test, protected Plant {
         ASSERT_TRUE(segment.connect_master({coupler, 0}));
         plug({coupler, 1}, third);
         plug({third, 1}, fourth);
-        EXPECT_EQ(bring_up(wanted), Words());
+        EXPECT_EQ(bring_up(wanted), Sentences());
         run();
     }
     // Slave 3 is removed for a repair, and slave 4 continues at the coupler.

@@ -6,7 +6,7 @@
 
 namespace margay {
 
-using Words = std::vector<std::string>;
+using Sentences = std::vector<std::string>;
 
 inline constexpr std::uint32_t kVendor = 0x4D47;
 

@@ -41,7 +41,7 @@ class HotConnectGroups : public HotConnectTest {
 TEST_F(HotConnectGroups, AreFoundWhereverTheyHang) {
     plug({line[0], 2}, g.b);
     plug({line[2], 1}, g.a);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     ASSERT_EQ(ctx->slaves().size(), 7U);
     run();
     expect_all_exchange();
@@ -52,7 +52,7 @@ TEST_F(HotConnectGroups, AreFoundWhereverTheyHang) {
 }
 
 TEST_F(HotConnectGroups, MayBeMissingAndComeDuringOp) {
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     EXPECT_EQ(*cycle(), 9U);
     plug({line[1], 2}, g.a);
@@ -71,11 +71,12 @@ TEST_F(HotConnectGroups, MayBeMissingAndComeDuringOp) {
 // Without this warning the application would get the error only when the tool is plugged in, during production.
 TEST_F(HotConnectGroups, OfUnknownSizesAreWarnedOfAtTheMapping) {
     expected[4].config = nullptr;
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     ASSERT_TRUE(config_map(*ctx, image).ok());
-    EXPECT_EQ(warnings(),
-              Words{"slave 5: mapping process data: no place in the image, the sizes of its process data are not known "
-                    "(SlaveSetup::pdos): it can take part after the next config_map()"});
+    EXPECT_EQ(
+        warnings(),
+        Sentences{"slave 5: mapping process data: no place in the image, the sizes of its process data are not known "
+                  "(SlaveSetup::pdos): it can take part after the next config_map()"});
     EXPECT_TRUE(errors().empty());
 }
 
@@ -83,7 +84,7 @@ TEST_F(HotConnectGroups, OfUnknownSizesAreWarnedOfAtTheMapping) {
 TEST_F(HotConnectGroups, SwapPortsDuringOp) {
     plug({line[0], 2}, g.a);
     plug({line[1], 2}, g.b);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     for (int round = 0; round < 4; ++round) {
         SCOPED_TRACE(round);
@@ -120,12 +121,12 @@ TEST_F(HotConnectGroups, AWrongMemberIsNamed) {
     plug({line[0], 2}, g.a);
     EXPECT_EQ(
         bring_up(expected),
-        (Words{
+        (Sentences{
             "slave 5: comparing with what is expected: another slave than expected (expected product 0x00000201, got "
             "0x000002ff of vendor 0x00004d47)"}));
     // The same change while the segment is in OP.
     pull(g.a);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     plug({line[0], 2}, g.a);
     power(g.a, true);
@@ -144,9 +145,9 @@ TEST_F(HotConnectGroups, AWrongMemberIsNamed) {
 TEST_F(HotConnectGroups, AMissingMemberIsTold) {
     segment.disconnect({g.a2, 0});
     plug({line[0], 2}, g.a);
-    EXPECT_EQ(bring_up(expected), (Words{"slave 5: comparing with what is expected: the slave is missing"}));
+    EXPECT_EQ(bring_up(expected), (Sentences{"slave 5: comparing with what is expected: the slave is missing"}));
     pull(g.a);
-    EXPECT_EQ(bring_up(expected), Words()) << "the whole group may be missing";
+    EXPECT_EQ(bring_up(expected), Sentences()) << "the whole group may be missing";
     run();
     plug({line[0], 2}, g.a);
     power(g.a, true);
@@ -169,7 +170,7 @@ TEST_F(HotConnectGroups, AMissingMemberIsTold) {
 // A member that is present and cannot be configured counts in the expected working counter, like a slave of the line.
 TEST_F(HotConnectGroups, AMemberThatIsRefusedIsCounted) {
     plug({line[0], 2}, g.a);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     ctx->slave(5).config.highest = static_cast<AlState>(9);
     EXPECT_FALSE(config_map(*ctx, image).ok());
     EXPECT_EQ(ctx->group(0).expected_wkc, 15U);
@@ -190,7 +191,7 @@ TEST_F(HotConnectGroups, AMemberThatIsRefusedIsCounted) {
 
 TEST_F(HotConnectGroups, MayBeRemovedWithoutASupervision) {
     plug({line[0], 2}, g.a);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     ASSERT_TRUE(config_map(*ctx, image).ok());
     ASSERT_EQ(to_op().state, AlState::op);
     EXPECT_EQ(*cycle(), 15U);
@@ -202,7 +203,7 @@ TEST_F(HotConnectGroups, MayBeRemovedWithoutASupervision) {
 
 TEST_F(HotConnectGroups, AMemberMayBeMissingTwice) {
     segment.disconnect({g.a2, 0});
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     for (int time = 0; time < 2; ++time) {
         plug({line[0], 2}, g.a);
@@ -220,7 +221,7 @@ TEST_F(HotConnectGroups, AMemberMayBeMissingTwice) {
 // The head comes back with its station address, because it has kept its power. Its member does not come back.
 TEST_F(HotConnectGroups, AHeadThatKeptItsPowerComesWithoutItsMember) {
     plug({line[0], 2}, g.a);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     EXPECT_EQ(*cycle(), 15U);
     pull(g.a);
@@ -239,7 +240,7 @@ TEST_F(HotConnectGroups, AHeadThatKeptItsPowerComesWithoutItsMember) {
 // Only the head is lost for a moment, and its member continues. Afterwards a loss of the member is a fault again.
 TEST_F(HotConnectGroups, AMemberThatWentOnWithoutItsHeadIsMissedLater) {
     plug({line[0], 2}, g.a);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     EXPECT_EQ(*cycle(), 15U);
     segment.slave(g.a).registers().set<std::uint16_t>(0x0010, 0);  // the head loses its address
@@ -259,7 +260,7 @@ TEST_F(HotConnectGroups, AMemberThatWentOnWithoutItsHeadIsMissedLater) {
 // A connector bounces: the member is back before its head is identified, then the group is disconnected again.
 TEST_F(HotConnectGroups, AMemberThatComesBeforeItsHeadAndGoes) {
     plug({line[0], 2}, g.a);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     pull(g.a);
     cycles(500);
@@ -278,7 +279,7 @@ TEST_F(HotConnectGroups, AMemberThatComesBeforeItsHeadAndGoes) {
 // present, however often it is plugged in.
 TEST_F(HotConnectGroups, AMemberWithoutAPlaceIsMissedEachTime) {
     expected[3].config = expected[4].config = nullptr;
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     EXPECT_EQ(*cycle(), 9U);
     for (int time = 0; time < 3; ++time) {
@@ -297,7 +298,7 @@ TEST_F(HotConnectGroups, AMemberWithoutAPlaceIsMissedEachTime) {
 // Without a supervision, a request finds that the head is lost.
 TEST_F(HotConnectGroups, ARequestMayFindTheGroupRemoved) {
     plug({line[0], 2}, g.a);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     ASSERT_TRUE(config_map(*ctx, image).ok());
     ASSERT_EQ(to_op().state, AlState::op);
     EXPECT_EQ(*cycle(), 15U);
@@ -319,7 +320,7 @@ TEST_F(HotConnectGroups, ARequestMayFindTheGroupRemoved) {
 TEST_F(HotConnectGroups, MembersThatKeptTheirPowerMayChangePlaces) {
     plug({line[0], 2}, g.a);
     plug({line[1], 2}, g.b);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     segment.disconnect({g.a2, 0});
     segment.disconnect({g.b2, 0});
@@ -336,7 +337,7 @@ TEST_F(HotConnectGroups, MembersThatKeptTheirPowerMayChangePlaces) {
 TEST_F(HotConnectGroups, AMemberBehindTheOtherHeadIsNotThatOfItsOwnGroup) {
     plug({line[0], 2}, g.a);
     plug({line[1], 2}, g.b);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     segment.disconnect({g.a2, 0});
     segment.disconnect({g.b2, 0});
@@ -352,7 +353,7 @@ TEST_F(HotConnectGroups, AMemberBehindTheOtherHeadIsNotThatOfItsOwnGroup) {
 TEST_F(HotConnectGroups, AMemberBehindAnUnknownHeadGetsNoOutputs) {
     const auto foreign = make({.product = 0x200, .alias = 0x0099});
     plug({line[0], 2}, g.a);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     segment.disconnect({g.a2, 0});
     pull(g.a);
@@ -379,7 +380,7 @@ TEST_F(HotConnectGroups, AnImageOfAbsentSlavesAloneDoesNotSayThatAllIsWell) {
     limits.groups = 2;
     expected[3].config = expected[4].config = nullptr;
     for (const std::uint8_t in_flight : {std::uint8_t{1}, std::uint8_t{2}}) {
-        EXPECT_EQ(bring_up(expected), Words());
+        EXPECT_EQ(bring_up(expected), Sentences());
         for (const std::uint16_t tool : {std::uint16_t{4}, std::uint16_t{5}}) ctx->slave(tool).config.group = 1;
         ctx->group(1).config.cycles_in_flight = in_flight;
         std::vector<std::byte> second(64);
@@ -440,7 +441,7 @@ TEST_F(HotConnectGroups, TheCycleOfAnImageOfAbsentSlavesDoesNotAskForTheLink) {
     AskedNic asked(*nic);
     ctx = std::make_unique<HostContext>(limits);
     ASSERT_TRUE(init(*ctx, asked, osal).ok());
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     for (const std::uint16_t tool : {std::uint16_t{4}, std::uint16_t{5}}) ctx->slave(tool).config.group = 1;
     std::vector<std::byte> second(64);
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -478,7 +479,7 @@ class HotConnectInAnyOrder : public HotConnectGroups, public testing::WithParamI
 
 TEST_P(HotConnectInAnyOrder, EverybodyIsWhoHeIsInTheEnd) {
     limits.tasks = GetParam() % 2 == 0 ? 1 : 0;
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     std::uint32_t random = GetParam();
     std::vector<std::string> story;

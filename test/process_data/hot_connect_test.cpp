@@ -6,7 +6,7 @@ namespace {
 
 TEST_F(HotConnectTest, APlaceIsKeptForWhomIsMissingInTheMiddle) {
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x1FF, true), at(3, 0x101), at(4, 0x102)};
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     ASSERT_EQ(ctx->slaves().size(), 4U);
     EXPECT_EQ(ctx->slave(3).identity.product, 0x101U) << "numbers are those of the whole line";
     EXPECT_EQ(ctx->slave(3).ring_position, 2);
@@ -81,7 +81,7 @@ TEST_F(HotConnectTest, AnOtherSlaveThatIsBackIsHeldAgainInItsOwnPlace) {
 
 TEST_F(HotConnectTest, WhoeverComesAtTheEndOfTheLineIsTakenIn) {
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), at(4, 0x103, true), at(5, 0x104)};
-    EXPECT_EQ(bring_up(expected), (Words{"slave 5: comparing with what is expected: the slave is missing"}));
+    EXPECT_EQ(bring_up(expected), (Sentences{"slave 5: comparing with what is expected: the slave is missing"}));
     run();
     EXPECT_EQ(cycle().error().code, Errc::working_counter) << "5 may not be missing";
     expect_exchanged(3, line[2]);
@@ -109,7 +109,7 @@ TEST_F(HotConnectTest, WhoeverComesLaterGetsItsWholeStartUp) {
     ExpectedSlave late = at(4, 0x103, true);
     late.config = &config;
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), late};
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     int calls = 0;
     ctx->slave(4).hooks.user = &calls;
     ctx->slave(4).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Result<> {
@@ -132,7 +132,7 @@ TEST_F(HotConnectTest, WhoeverComesLaterGetsItsWholeStartUp) {
 // A slave with a mailbox: the application can read its objects after the slave has arrived.
 TEST_F(HotConnectTest, AMailboxThatComesLaterIsUsed) {
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), {.number = 4, .optional = true}};
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     const auto fourth = segment.add(std::move(*sim::make_device("digital_io_16")).assemble());
     ASSERT_TRUE(segment.connect({line[2], 1}, {fourth, 0}));
@@ -158,7 +158,7 @@ TEST_F(HotConnectTest, WithoutAPlaceInTheImageItStaysInPreop) {
     ExpectedSlave late = at(4, 0x103, true);
     late.config = nullptr;
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), late};
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     const auto fourth = make({.product = 0x103});
     plug({line[2], 1}, fourth);
@@ -166,8 +166,9 @@ TEST_F(HotConnectTest, WithoutAPlaceInTheImageItStaysInPreop) {
     ASSERT_TRUE(until([&] { return ctx->slave(4).al.state == AlState::preop; })) << joined(events());
     cycles(1500);
     EXPECT_EQ(*cycle(), 9U);
-    EXPECT_EQ(errors(), (Words{"slave 4: mapping process data: the slave has process data, but no place in the image "
-                               "is reserved for it: call config_map() again"}));
+    EXPECT_EQ(errors(),
+              (Sentences{"slave 4: mapping process data: the slave has process data, but no place in the image "
+                         "is reserved for it: call config_map() again"}));
     const auto story = events();
     EXPECT_EQ(told(story, "slave 4: recovered"), 0) << "it is not where it was wanted";
     EXPECT_EQ(told(story, "recovery failed: slave 4: mapping process data: the slave has process data, but no place"),
@@ -183,7 +184,7 @@ TEST_F(HotConnectTest, WithoutAPlaceInTheImageItStaysInPreop) {
 
 TEST_F(HotConnectTest, TheWrongOneInAKeptPlaceIsAStranger) {
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), at(4, 0x103, true)};
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     const auto wrong = make({.product = 0x777});
     plug({line[2], 1}, wrong);
@@ -217,7 +218,7 @@ TEST_F(HotConnectTest, TheWrongOneInAKeptPlaceIsAStranger) {
 // ------------------------------------------------------------------ groups
 
 TEST_F(HotConnectTest, TheTreeFollowsWhoeverIsPluggedElsewhere) {
-    EXPECT_EQ(bring_up({}), Words());
+    EXPECT_EQ(bring_up({}), Sentences());
     run();
     EXPECT_EQ(ctx->slave(3).parent, 2);
     pull(line[2]);
@@ -238,7 +239,7 @@ TEST_F(HotConnectTest, TheTreeFollowsWhoeverIsPluggedElsewhere) {
 
 // A new scan finds the slaves that are present. No slave has to be switched off.
 TEST_F(HotConnectTest, ScannedAnewOnRequest) {
-    EXPECT_EQ(bring_up({}), Words());
+    EXPECT_EQ(bring_up({}), Sentences());
     run();
     const auto fourth = make({.product = 0x103});
     plug({line[0], 2}, fourth);
@@ -250,7 +251,7 @@ TEST_F(HotConnectTest, ScannedAnewOnRequest) {
                    "to slave 1 port 2"),
               1);
     supervision.cancel();
-    EXPECT_EQ(bring_up({}), Words());
+    EXPECT_EQ(bring_up({}), Sentences());
     ASSERT_EQ(ctx->slaves().size(), 4U);
     run();
     EXPECT_EQ(*cycle(), 12U);
@@ -260,7 +261,7 @@ TEST_F(HotConnectTest, ScannedAnewOnRequest) {
 // A machine arrives with its own power and with station addresses from another master.
 TEST_F(HotConnectTest, ForeignAddressesDeceiveNobody) {
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), at(4, 0x103, true)};
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     for (const std::uint16_t address : {std::uint16_t{0x1002}, std::uint16_t{0x1004}, std::uint16_t{0x0D01}}) {
         SCOPED_TRACE(address);
@@ -297,7 +298,7 @@ TEST_F(HotConnectTest, AToolWithTheStationAddressOfAnotherSlave) {
     ExpectedSlave head{.vendor = kVendor, .product = 0x200, .hot_connect = 1, .config = &kIo};
     head.alias = std::uint16_t{7};
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), head};
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     power(tool, true);
     for (const std::uint16_t clash : {std::uint16_t{2}, std::uint16_t{3}, std::uint16_t{1}, std::uint16_t{4}}) {
@@ -329,7 +330,7 @@ TEST_F(HotConnectTest, AToolWithTheStationAddressOfASlaveInAHook) {
     ExpectedSlave head{.vendor = kVendor, .product = 0x200, .hot_connect = 1, .config = &kIo};
     head.alias = std::uint16_t{7};
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), head};
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     bool waits = true;
     ctx->slave(2).hooks.user = &waits;
@@ -370,7 +371,7 @@ TEST_F(HotConnectTest, AToolThatWasAwayDuringAMappingTakesNobodysOutputs) {
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), head};
     limits.groups = 2;
     plug({line[0], 2}, tool);
-    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(bring_up(expected), Sentences());
     run();
     std::vector<std::byte> second(64);
     for (std::uint8_t round = 0; round < 6; ++round) {

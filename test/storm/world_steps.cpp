@@ -41,8 +41,8 @@ void World::do_step(const Step& step) {
         case Op::configure: configure(a[0], a[1], a[2]); break;
         case Op::write_state: {
             call_ = "writestate()", call_since_ = osal_.now();
-            constexpr std::array kStates{AlState::init, AlState::preop, AlState::safeop, AlState::op};
-            (void)writestate(*ctx_, static_cast<std::uint16_t>(a[0]), kStates[a[1] % kStates.size()]);
+            constexpr std::array kWantedStates{AlState::init, AlState::preop, AlState::safeop, AlState::op};
+            (void)writestate(*ctx_, static_cast<std::uint16_t>(a[0]), kWantedStates[a[1] % kWantedStates.size()]);
             call_ = nullptr;
             break;
         }
