@@ -271,6 +271,28 @@ TEST_F(OverlappedBus, TooFewFrames) {
     EXPECT_EQ(mapped.error().expected, 2U);
 }
 
+// The owner stops the time of the reference clock, for example while the reference clock is restored. The other thread
+// reads the places of the datagrams at the same moment: under ThreadSanitizer both must be different memory.
+TEST(OverlapThreads, TheOwnerStopsTheTimeWhileAnotherThreadSends) {
+    PreparedGroup bus({io_slave(1, 8, 8), io_slave(2, 8, 8)});
+    ProcessGroup& group = bus.group;
+    group.config.cycles_in_flight = 2;
+    bus.slaves[0].dl.dc = true;
+    group.config.dc_reference = group.dc_reference = 1;
+    for (Slave& slave : bus.slaves) {
+        slave.takes_part = true;
+        slave.al.state = AlState::op;
+    }
+    bus.prepare_frames();
+    const auto time = std::ranges::find(group.readings, &group.dc_time, &PreparedReading::into);
+    ASSERT_NE(time, group.readings.end());
+    std::thread sender([&] { EXPECT_TRUE(send_overlapped(group, bus.engine.link(), bus.now).ok()); });
+    EXPECT_FALSE(redirect_time(group, nullptr)) << "the frame that is sent keeps its command";
+    sender.join();
+    EXPECT_TRUE(time->held);
+    EXPECT_EQ(bus.nic.sent.size(), 1U);
+}
+
 // A NIC and a clock that two threads can use.
 struct Guarded final : Nic, Osal {
     Guarded(Nic& n, VirtualOsal& o) : nic(n), osal(o) {}
