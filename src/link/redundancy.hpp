@@ -131,7 +131,11 @@ class Redundancy final : public Nic, public Cables {
     void begin_closing() noexcept { opening_.store(Opening::ends, std::memory_order_relaxed); }
     void end_opening() noexcept { opening_.store(Opening::none, std::memory_order_relaxed); }
 
+    // For the application. It asks both NICs for their links, which may wait in the system: a network driver, or
+    // another program that changes an interface.
     [[nodiscard]] RedundancyStatus status() const noexcept;
+    [[nodiscard]] RingState ring() const noexcept { return ring_; }
+    [[nodiscard]] CablingFault fault() const noexcept { return fault_; }
     // The NIC at the beginning of the ring.
     [[nodiscard]] unsigned head() const noexcept { return head_.load(std::memory_order_relaxed); }
     // Call it when the ports of the slaves show that the other NIC is at the beginning of the ring. If both copies

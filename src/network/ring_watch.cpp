@@ -201,10 +201,10 @@ Event RingWatch::find_break(Network& network, std::size_t front, std::size_t beh
     return find_break_by_counts(network, front, behind, end_, end_port_);
 }
 
-void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
-    const unsigned head = now.swapped ? 1 : 0;
-    const std::size_t front = now.cables[head].slaves;
-    const std::size_t behind = now.cables[1 - head].slaves;
+void RingWatch::report_break(Network& network) {
+    const unsigned head = ring_.head();
+    const std::size_t front = ring_.reached_by(head);
+    const std::size_t behind = ring_.reached_by(1 - head);
     if (has_beside_) (void)find_sides(network);
     // The break was reported already. A search reads the places again: until its end, some are not read yet.
     if (reported_ == RingState::broken && network.searching) return;
@@ -246,28 +246,29 @@ void RingWatch::report_fault(Network& network, CablingFault fault) {
 void RingWatch::watch(Network& network) {
     note_change(network);
     judge_change(network);
-    const RedundancyStatus now = ring_.status();
-    report_fault(network, now.fault);
-    if (now.fault != CablingFault::none) return;
-    if (now.swapped && !std::exchange(reported_swapped_, true)) network.report({.kind = EventKind::cables_swapped});
-    reported_swapped_ = now.swapped;
-    if (now.ring == RingState::broken && ring_.counts_are_new()) report_break(network, now);
-    if (now.ring != RingState::whole) return;
-    note_ends(network, now.swapped ? 1 : 0, true, *this);
+    report_fault(network, ring_.fault());
+    if (ring_.fault() != CablingFault::none) return;
+    const unsigned head = ring_.head();
+    const bool swapped = head == 1;
+    if (swapped && !std::exchange(reported_swapped_, true)) network.report({.kind = EventKind::cables_swapped});
+    reported_swapped_ = swapped;
+    if (ring_.ring() == RingState::broken && ring_.counts_are_new()) report_break(network);
+    if (ring_.ring() != RingState::whole) return;
+    note_ends(network, head, true, *this);
     if (std::exchange(reported_, RingState::whole) == RingState::broken)
-        network.report({.kind = EventKind::ring_closed, .slave = before_, .other = behind_, .actual = now.swapped});
+        network.report({.kind = EventKind::ring_closed, .slave = before_, .other = behind_, .actual = head});
 }
 
 Error RingWatch::check() const {
-    const CablingFault fault = ring_.status().fault;
+    const CablingFault fault = ring_.fault();
     if (fault == CablingFault::none) return {};
     return {.code = Errc::cabling, .step = Step::count_slaves, .detail = static_cast<std::uint32_t>(fault)};
 }
 
 RingParts RingWatch::parts() const {
-    const RedundancyStatus now = ring_.status();
-    if (now.ring == RingState::unknown) return {};
-    return {.two_nics = true, .whole = now.ring == RingState::whole, .front = now.cables[ring_.head()].slaves};
+    const RingState ring = ring_.ring();
+    if (ring == RingState::unknown) return {};
+    return {.two_nics = true, .whole = ring == RingState::whole, .front = ring_.reached_by(ring_.head())};
 }
 
 bool RingWatch::begins_right(Network& network) {

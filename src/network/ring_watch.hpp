@@ -78,7 +78,7 @@ class RingWatch final : public RedundancyPart {
         known,
     };
 
-    void report_break(Network& network, const RedundancyStatus& now);
+    void report_break(Network& network);
     void report_fault(Network& network, CablingFault fault);
     [[nodiscard]] std::uint16_t first_behind(Network& network, bool only_settled) const;
     [[nodiscard]] std::uint16_t choose_second(Network& network) const;

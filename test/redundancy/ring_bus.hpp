@@ -29,9 +29,10 @@ class HookedNic final : public Nic {
   public:
     HookedNic(Nic& nic, Osal& osal) : nic_(nic), osal_(osal) {}
     std::function<void()> before_send;
-    bool tells_link = true;  // false: accepts every frame, and the link state is unknown
-    Duration sees_after{};   // notices a lost link so much later, and accepts all frames until then
-    bool deaf = false;       // sends, and its replies never arrive: one direction of its cable is broken
+    bool tells_link = true;   // false: accepts every frame, and the link state is unknown
+    Duration sees_after{};    // notices a lost link so much later, and accepts all frames until then
+    unsigned link_reads = 0;  // calls of link_state()
+    bool deaf = false;        // sends, and its replies never arrive: one direction of its cable is broken
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (before_send) before_send();
@@ -45,6 +46,7 @@ class HookedNic final : public Nic {
         return length;
     }
     LinkState link_state() noexcept override {
+        ++link_reads;
         if (!tells_link) return LinkState::unknown;
         return sees_link() ? nic_.link_state() : LinkState::up;
     }

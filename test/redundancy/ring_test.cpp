@@ -35,6 +35,31 @@ TEST(Ring, WholeIsAsWithoutRedundancy) {
     }
 }
 
+// The call for the link state of a NIC may wait in the operating system, for example until another program has changed
+// an interface. So poll() does not call it while there are cycles.
+TEST(Ring, PollDoesNotAskForTheLinkState) {
+    RingBus bus;
+    bus.build_tree();
+    bus.start();
+    bus.run();
+    const auto reads = [&] { return bus.nics[0]->link_reads + bus.nics[1]->link_reads; };
+    const unsigned before = reads();
+    (void)bus.stale_cycles(300);
+    for (const std::size_t cable : {std::size_t{0}, std::size_t{5}, bus.ring_cables.size() - 1}) {
+        bus.cable(bus.ring_cables[cable], false);
+        (void)bus.stale_cycles(300);
+        bus.cable(bus.ring_cables[cable], true);
+        (void)bus.stale_cycles(300);
+    }
+    bus.segment.set_power(7, false, bus.osal.now());
+    (void)bus.stale_cycles(300);
+    bus.segment.set_power(7, true, bus.osal.now());
+    (void)bus.stale_cycles(1000);
+    EXPECT_EQ(reads(), before);
+    EXPECT_EQ(bus.status().ring, RingState::whole);
+    EXPECT_EQ(reads(), before + 2) << "redundancy() asks both";
+}
+
 TEST(Ring, NoCycleIsStaleWhenACableBreaksOrHeals) {
     RingBus bus;
     bus.build_tree();
