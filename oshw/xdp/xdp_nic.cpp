@@ -259,12 +259,14 @@ Result<> XdpNic::set_up(const Settings& settings) noexcept {
         case 0: return {};
         case -EPERM:
         case -EACCES: return not_permitted();
+        case -EEXIST:  // a program in another mode
         case -EBUSY: {
-            std::array<char, 160> advice{};
+            std::array<char, 240> advice{};
             TextWriter text(advice);
             if (!rings.attached)
                 text << "see it with: ip link show dev " << interface_.name()
-                     << "; detach one that is left over with: ip link set dev " << interface_.name() << " xdp off";
+                     << "; detach one that is left over with: ip link set dev " << interface_.name()
+                     << " xdp off (a program that is attached by a BPF link ends with the process that attached it)";
             else
                 text << "another program has it, or choose another queue";
             return rings.attached ? fail(EBUSY, "its receive queue has an XDP socket already", text.text())

@@ -34,8 +34,8 @@ bool Redundancy::is_probe(Bytes frame) noexcept {
     return first.command == wire::Command::NOP && first.address == kProbe;
 }
 
-// The copy of the NIC was lost, and the copy of the other NIC came back. The lost copy says nothing about the present if
-// a frame of the NIC has come back since the copy was sent. Otherwise the probes behind the copy were lost too.
+// The copy of the NIC was lost, and the copy of the other NIC came back. The lost copy says nothing about the present
+// if a frame of the NIC has come back since the copy was sent. Otherwise the probes behind the copy were lost too.
 void Redundancy::note_miss(const FramePair& pair, unsigned nic) noexcept {
     constexpr unsigned kCount = 7;
     if (pair.arrivals[nic] != arrivals_[nic].load(std::memory_order_relaxed)) return;

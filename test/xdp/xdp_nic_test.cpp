@@ -227,6 +227,15 @@ TEST_F(Xdp, AnotherProgramIsAttachedAlready) {
     EXPECT_EQ(next(nic), frame_of({0x88, 0xA4}, 5));
 }
 
+// The kernel reports another error if the programs have different modes.
+TEST_F(Xdp, AProgramOfAnotherModeIsAttachedAlready) {
+    ASSERT_TRUE(open(nic, {.mode = XdpNic::Mode::generic}).ok()) << nic.problem();
+    XdpNic second;
+    EXPECT_EQ(open(second, {.mode = XdpNic::Mode::copy}).error().actual, static_cast<std::uint32_t>(EBUSY));
+    EXPECT_NE(second.problem().find("another XDP program is attached"), std::string_view::npos) << second.problem();
+    EXPECT_NE(second.problem().find("ends with the process"), std::string_view::npos) << second.problem();
+}
+
 // The kernel frees the queue of a closed XDP socket with a delay. A program that starts when another program has ended
 // waits for this.
 TEST_F(Xdp, OpeningWaitsForAnInterfaceThatIsAboutToBeFree) {
