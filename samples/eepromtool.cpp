@@ -163,8 +163,8 @@ int run_on_slave(Source& source, const Options& options) {
     // Errors of single slaves are ignored: this program is used to repair slaves with a wrong EEPROM.
     if (!found && found.error().slave == 0) return print_error(sentence(found.error()));
     if (options.number == 0 || options.number > ctx.slaves().size())
-        return print_error(
-            fmt::format("there is no slave {}: there are slaves 1 to {}", options.number, ctx.slaves().size()));
+        return fail(fmt::format("there is no slave {}: there are slaves 1 to {}", options.number, ctx.slaves().size()),
+                    exit_code::kUsage);
     SlaveEeprom eeprom(ctx, options.number);
     const int status = act(eeprom, options);
     const bool writes = options.action == Action::write || options.alias.has_value();

@@ -28,7 +28,7 @@ int main(int argc, char** argv) {
                          "them at both ends of a ring");
     arguments.positional("SEGMENT", description,
                          "ready-made segment (demo, drives), segment description (FILE.toml), or SII images separated "
-                         "by commas");
+                         "by commas; may begin with sim: as for other programs");
     arguments.flag("--tap", options.tap, "make a TAP device of that name");
     arguments.option("--record", options.record, "write all frames to this pcap file");
     arguments.option("--ports", options.ports,
@@ -36,5 +36,9 @@ int main(int argc, char** argv) {
                      "of the slave, the first is 0: gw1");
     arguments.flag("--quiet", options.quiet, "do not report masters and state changes");
     arguments.without_arguments([] { return list_of_interfaces() + list_of_segments(""); });
-    return arguments.run(argc, argv, [&] { return serve(description, options); });
+    return arguments.run(argc, argv, [&] {
+        constexpr std::string_view kSimulated = "sim:";
+        if (description.starts_with(kSimulated)) description.erase(0, kSimulated.size());
+        return serve(description, options);
+    });
 }

@@ -112,9 +112,9 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 // How old the result may be: of a slave that exchanges process data it is as old as the last received cycle, which was
 // sent up to cycles_in_flight cycles before. A slave whose target is INIT or PREOP is in no cycle. A supervision sees
 // within some cycles that such a slave is gone, if poll() is called after each cycle, and within 100 ms if no frame
-// comes back. receive_processdata() names the one change that no cycle shows. Without a supervision, the last reading
-// of the state of such a slave is valid for a second of cycles. Then all_right() is false (not_supervised): call
-// readstate() more often, or submit a SuperviseRequest.
+// comes back. receive_processdata() names the one change that no cycle shows. Without a supervision, all_right() is
+// false (not_supervised) if the states of the slaves were not read for a second of cycles: call readstate() more often,
+// or submit a SuperviseRequest.
 [[nodiscard]] bool all_right(Context& ctx);
 // The first reason why all_right() is false, by slave number; code none if all_right() is true. Codes: missing_slave,
 // other_slave, unexpected_slave, identity_unread (the slave was away, and its identity was not compared since),

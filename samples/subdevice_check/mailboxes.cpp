@@ -293,7 +293,8 @@ void check_channel(Session& session) {
     expect_ping(session, "a message to channel 1");
 }
 
-// Messages as fast as the slave takes them, and no reply is read meanwhile: what the slave has taken it must answer.
+// Sends messages as fast as the slave accepts them, and reads no reply meanwhile. The slave must answer each message
+// that it has accepted.
 void check_full(Session& session) {
     begin_mailbox_check(session);
     auto& bench = session.bench;

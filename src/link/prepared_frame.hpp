@@ -25,10 +25,10 @@ struct PreparedDatagram {
 
 // A datagram that reads a register. It is placed behind the PreparedDatagrams of its frame.
 struct PreparedReading {
-    // Of the header in the frame, and of the data (at most 8). Only the mapping writes both: a thread that sends
-    // overlapped cycles reads them while the owner writes the other members.
-    std::uint16_t offset : 12 = 0;
-    std::uint16_t bytes : 4 = 0;
+    // Only the mapping writes `offset` and `bytes`: a thread that sends overlapped cycles reads them while the owner
+    // writes the other members.
+    std::uint16_t offset : 12 = 0;  // of the header in the frame
+    std::uint16_t bytes : 4 = 0;    // of the data, at most 8
     std::uint8_t full = 0;  // how many slaves the last frame with its time has passed, modulo 256; 0: not known
     // For the time of the reference clock, in a frame that cannot be changed now. `changes`: the next frame is sent
     // with the time of the standby, or without a time. `by_position`: the address of the standby is a position.

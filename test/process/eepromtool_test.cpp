@@ -246,6 +246,7 @@ TEST_F(Eepromtool, HandlesBlankEeproms) {
 
 TEST_F(Eepromtool, NamesWhatIsWrongWithItsArguments) {
     EXPECT_TRUE(contains(tool("sim:a.bin,b.bin 3 dump").err, "there is no slave 3: there are slaves 1 to 2"));
+    EXPECT_EQ(tool("sim:a.bin,b.bin 3 dump").status, 2);
     EXPECT_TRUE(contains(tool("sim:a.bin dump").err, "NUMBER"));
     EXPECT_EQ(tool("sim:a.bin 0 dump").status, 2);
     EXPECT_TRUE(contains(tool("file:a.bin 2 dump").err, "NUMBER is 1"));

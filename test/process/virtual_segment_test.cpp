@@ -70,7 +70,7 @@ struct VirtualSegmentTest : testing::Test {
 };
 
 TEST_F(VirtualSegmentTest, ObeysCommandsAndSignalsWhileItRuns) {
-    Child segment(cable.segment_namespace(), serve(std::string(Cable::kSegment) + " demo"));
+    Child segment(cable.segment_namespace(), serve(std::string(Cable::kSegment) + " sim:demo"));
     ASSERT_TRUE(segment.says("serving 5 slaves on", 20s)) << segment.errors();
     EXPECT_EQ(found(), "5 slaves found");
     EXPECT_TRUE(segment.says("frames from ", 5s)) << "who";
