@@ -115,7 +115,8 @@ std::span<PreparedReading> append_readings(ProcessGroup& group, const ReadingPla
                                            wire::FrameBuilder& builder) {
     for (std::size_t n = 0; n < plans.count; ++n) {
         const ReadingPlan& plan = plans.at[n];
-        group.readings[n] = {.offset = builder.size() & 0xFFFU, .into = &(group.*plan.into)};
+        group.readings[n] = {.into = &(group.*plan.into)};
+        group.readings[n].offset = builder.size() & 0xFFFU;
         group.readings[n].bytes = plan.bytes & 15U;
         (void)builder.append(plan.command, 0, plan.address, plan.bytes);
     }
