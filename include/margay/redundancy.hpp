@@ -35,12 +35,13 @@
 // both parts were not in step when the comparison began. Then the library measures the ways of both copies, and "in
 // sync" leaves out the times that both NICs need, as in a ring that is broken from the start.
 //
-// A clock behind the break that had no power learns the rate of the reference clock before it becomes the second
-// reference clock. Until then, for 200 watch_intervals at most, the present second reference clock is kept. If there is
-// none, lessons of 0.3 s teach the rate, four at most; meanwhile no clock behind the break is in sync. If the interval
-// of the cycles varies too much (measured: 5 µs are no obstacle, 20 µs often are), the clock keeps its own rate. If its
-// oscillator then differs much (by more than 40 ppm with the default settings), one correction in each watch_interval
-// is not enough for the limit: the clocks of its part are not in sync until the ring is whole.
+// In a ring without the branches of the next paragraph, a clock behind the break that had no power learns the rate of
+// the reference clock before it becomes the second reference clock. Until then, for 200 watch_intervals at most, the
+// present second reference clock is kept. If there is none, the master writes the time to the clock, up to four times
+// for 0.3 s; meanwhile no clock behind the break is in sync. If the interval of the cycles varies too much (measured: 5
+// µs are no obstacle, 20 µs often are), the clock keeps its own rate. If its oscillator then differs much (by more than
+// 40 ppm with the default settings), one correction in each watch_interval is not enough for the limit: the clocks of
+// its part are not in sync until the ring is whole.
 //
 // Some branches are reached only by the frames of the second NIC while the ring is whole: branches at a port that
 // frames pass after the port of the next ring slave. The clocks at these branches follow a second reference clock too,
@@ -53,12 +54,15 @@
 // some tenths of a second. So these clocks are not in sync from the next poll() on until they were compared again.
 // Until the library knows where the ring is broken, only the reference clock is in sync.
 //
-// Clocks behind a break that had no power, or that were disturbed by a time that the master has sent, are not in sync
-// until the ring is whole. A reference clock behind a break stays the reference until the ring is whole, although a
-// clock before it is back; the clocks at the other side of the break are not in sync meanwhile. For a break beside a
-// slave without receive times, the library uses the delays of the nearest slave with receive times. They may be wrong
-// by the propagation delay between both slaves. If configdc() is called while the ring is broken between slaves, the
-// clocks at these branches follow the second reference clock as soon as the ring is whole.
+// In a ring with such branches, the library does not measure the ways of both copies, and teaches no rate behind a
+// break. If the second reference clock behind a break had no power, or was disturbed by a time that the master has
+// sent, the clocks behind the break are not in sync until the ring is whole, unless the library knows the difference of
+// both copies from an earlier break of the same cable. A reference clock behind a break stays the reference until the
+// ring is whole, although a clock before it is back; the clocks at the other side of the break are not in sync
+// meanwhile. For a break beside a slave without receive times, the library uses the delays of the nearest slave with
+// receive times. They may be wrong by the propagation delay between both slaves. If configdc() is called while the ring
+// is broken between slaves, the clocks at these branches follow the second reference clock as soon as the ring is
+// whole.
 //
 // When the first of these slaves returns from a loss of power, the library closes the port of the last slave again, for
 // up to two seconds in all, until the clocks at these branches have learned the rate. After a repair it does so if the

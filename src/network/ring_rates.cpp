@@ -35,8 +35,8 @@ Task<Result<>> RingWatch::teach_rate(Network& network, Slave& second) {
     co_return Nothing{};
 }
 
-// Whether the clock will be the second reference and was set after it had learned a rate last: its slave had lost its
-// power.
+// Whether the clock that will be the second reference has not learned the rate of the reference yet. A slave that had
+// no power has lost this rate.
 bool RingWatch::lacks_rate(Network& network, std::uint16_t wanted) const {
     const Clocks& clocks = network.clocks;
     return wanted != 0 && wanted != second_ && wanted != clocks.reference && !has_beside_ && !parts().whole &&
@@ -53,7 +53,7 @@ Task<Result<bool>> RingWatch::runs_alike(Network& network, Slave& slave, Slave& 
     co_return std::abs(ahead - before) <= most_ns;
 }
 
-// A lesson of a running cycle, whose frames are sent one by one.
+// A lesson for a clock behind a break, while cycles run: each cycle takes one frame with the time.
 Task<Result<>> RingWatch::teach_in_cycles(Network& network, const Slave& slave) const {
     constexpr Duration kLesson = std::chrono::milliseconds(300);
     const Time give_up = network.engine.now() + kLesson;
