@@ -2,8 +2,6 @@
 // gives an SII image or an error. A file that is written from the result has no additional devices.
 #include <margay/files/esi.hpp>
 
-#include "wire/sii_check.hpp"
-
 #include <array>
 #include <cstdlib>
 
