@@ -86,6 +86,15 @@ LinkState Interface::link_state() const noexcept {
     return request(SIOCGIFFLAGS, asked) && (asked.ifr_flags & kBoth) == kBoth ? LinkState::up : LinkState::down;
 }
 
+bool Interface::lacks_carrier() noexcept {
+    constexpr unsigned kAskAgain = 16;
+    const unsigned before = refused_.load(std::memory_order_relaxed);
+    if (before == kNoCarrier) return true;
+    const bool lacks = before % kAskAgain == 0 && link_state() == LinkState::down;
+    refused_.store(lacks ? kNoCarrier : (before + 1) % kNoCarrier, std::memory_order_relaxed);
+    return lacks;
+}
+
 bool Interface::switch_on() const noexcept {
     ifreq flags{};
     if (!request(SIOCGIFFLAGS, flags)) return false;

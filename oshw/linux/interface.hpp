@@ -8,6 +8,7 @@
 #include "oshw/nic.hpp"
 
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
@@ -33,8 +34,15 @@ class Interface {
     [[nodiscard]] const char* name() const noexcept { return name_.data(); }
     [[nodiscard]] int index() const noexcept { return index_; }
     [[nodiscard]] const MacAddress& address() const noexcept { return address_; }
-    // The carrier of the driver. One system call.
+    // The carrier of the driver. One system call, which waits while another program changes an interface.
     [[nodiscard]] LinkState link_state() const noexcept;
+    // The driver has refused a frame (ENOBUFS): whether it has no carrier. Otherwise its queue is full. The answer "no
+    // carrier" is kept until a frame is sent, so the driver is asked once for each unplugged cable. While a queue is
+    // full, the driver is asked after 16 refused frames again. Several threads may call both functions.
+    [[nodiscard]] bool lacks_carrier() noexcept;
+    void note_sent() noexcept {
+        if (refused_.load(std::memory_order_relaxed) != 0) refused_.store(0, std::memory_order_relaxed);
+    }
     // Switches the interface on (IFF_UP), which needs CAP_NET_ADMIN. False: errno says why.
     [[nodiscard]] bool switch_on() const noexcept;
     // Executes a request of ioctl() with the name of the interface. False: errno says why.
@@ -52,7 +60,10 @@ class Interface {
   private:
     Result<> fail_no_interface(std::string_view asked) noexcept;
 
-    int control_ = -1;  // a socket for ioctl()
+    static constexpr unsigned kNoCarrier = 1U << 31;
+
+    int control_ = -1;                  // a socket for ioctl()
+    std::atomic<unsigned> refused_{0};  // frames since the last frame that was sent; with kNoCarrier: no carrier
     int index_ = 0;
     MacAddress address_{};
     std::array<char, 16> name_{};  // IFNAMSIZ

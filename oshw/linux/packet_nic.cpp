@@ -126,15 +126,16 @@ std::uint64_t PacketNic::overruns() noexcept {
 
 SendStatus PacketNic::send(std::span<const std::byte> frame) noexcept {
     if (send_time_ != kAtOnce) return send_timed(frame);
-    if (::send(socket_, frame.data(), frame.size(), MSG_DONTWAIT) >= 0) return SendStatus::sent;
-    return not_sent(errno);
+    if (::send(socket_, frame.data(), frame.size(), MSG_DONTWAIT) < 0) return not_sent(errno);
+    interface_.note_sent();
+    return SendStatus::sent;
 }
 
 SendStatus PacketNic::not_sent(int error) noexcept {
     last_error_ = error;
     if (error == EAGAIN || error == EINTR) return SendStatus::busy;
     // Without the queueing discipline the kernel returns ENOBUFS both for a full ring and for a missing carrier.
-    if (error == ENOBUFS && link_state() != LinkState::down) return SendStatus::busy;
+    if (error == ENOBUFS && !interface_.lacks_carrier()) return SendStatus::busy;
     return SendStatus::failed;
 }
 

@@ -88,6 +88,8 @@ class PacketNic final : public Nic, public SendClock, public ReceiveClock, publi
     // system call.
     [[nodiscard]] std::uint64_t overruns() noexcept;
 
+    // The first frame after the cable was unplugged costs a second system call, which waits while another program
+    // changes an interface.
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
     // One system call; do not call it in every cycle.

@@ -207,10 +207,12 @@ SendStatus PacketNic::send_timed(std::span<const std::byte> frame) noexcept {
     constexpr std::uint64_t kReadAfter = 64;  // so that reports do not fill the memory of the socket
     if (!timed_.is_open() || timed_.is_late(send_time_)) {
         if (::send(socket_, frame.data(), frame.size(), MSG_DONTWAIT) < 0) return not_sent(errno);
+        interface_.note_sent();
         ++too_late_;
         return SendStatus::sent;
     }
     if (!timed_.send(frame, send_time_)) return not_sent(errno);
+    interface_.note_sent();
     if (++timed_frames_ % kReadAfter == 0) read_reports(timed_.handle());
     return SendStatus::sent;
 }

@@ -332,14 +332,17 @@ SendStatus XdpNic::send(std::span<const std::byte> frame) noexcept {
 SendStatus XdpNic::kick(std::uint64_t chunk) noexcept {
     constexpr int kTries = 3;
     for (int n = 0; n < kTries; ++n) {
-        if (::sendto(rings_->fd(), nullptr, 0, MSG_DONTWAIT, nullptr, 0) >= 0) return SendStatus::sent;
+        if (::sendto(rings_->fd(), nullptr, 0, MSG_DONTWAIT, nullptr, 0) >= 0) {
+            interface_.note_sent();
+            return SendStatus::sent;
+        }
         if (errno != EAGAIN && errno != EINTR && errno != EBUSY) break;
     }
     const int error = errno;
     last_error_ = error;
     if (error == EAGAIN || error == EINTR || error == EBUSY) return SendStatus::sent;  // the driver is at work
     std::memset(rings_->at(chunk) + kTypeAt, 0, 2);
-    return error == ENOBUFS && link_state() != LinkState::down ? SendStatus::busy : SendStatus::failed;
+    return error == ENOBUFS && !interface_.lacks_carrier() ? SendStatus::busy : SendStatus::failed;
 }
 
 std::size_t XdpNic::receive(std::span<std::byte> into) noexcept {

@@ -189,6 +189,29 @@ TEST_F(PacketNicTest, AnUnpluggedCableIsSeenAndHeals) {
     expect_quiet(segment, master);
 }
 
+// The kernel's answer about the carrier may take long, so it is kept until a frame is sent.
+TEST_F(PacketNicTest, TheCarrierIsAskedOnceForAnUnpluggedCable) {
+    Interface interface;
+    Cable::inside(cable.master_namespace(), [&] { ASSERT_TRUE(interface.open(Cable::kMaster).ok()); });
+    const auto plug = [&](const char* state) {
+        ASSERT_TRUE(cable.ip(cable.segment_namespace(), std::string("link set ") + Cable::kSegment + state));
+    };
+    EXPECT_FALSE(interface.lacks_carrier()) << "a full queue";
+    interface.note_sent();
+    plug(" down");
+    EXPECT_TRUE(interface.lacks_carrier());
+    plug(" up");
+    ASSERT_EQ(interface.link_state(), LinkState::up);
+    for (unsigned n = 0; n < 100; ++n) EXPECT_TRUE(interface.lacks_carrier()) << "not asked again";
+    interface.note_sent();
+    EXPECT_FALSE(interface.lacks_carrier());
+    // The cable is unplugged while the queue is full.
+    plug(" down");
+    unsigned refused = 1;
+    while (refused < 100 && !interface.lacks_carrier()) ++refused;
+    EXPECT_EQ(refused, 16U);
+}
+
 TEST_F(PacketNicTest, AnInterfaceThatIsPulledOutIsDownForGood) {
     ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link del ") + Cable::kMaster));
     for (auto* nic : {&master, &segment}) {
