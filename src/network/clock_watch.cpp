@@ -325,7 +325,8 @@ bool note_time_of_cycle(Network& network) {
             continue;
         }
         if (group.dc_time.slaves != 0 && settled)
-            clocks.note_seen_time(group.dc_time.value, is_time_whole(group), received_at(group, network.engine.link()));
+            clocks.note_seen_time(group.dc_time.value, is_time_whole(group),
+                                  time_sent_at(group, network.engine.link()));
         // The next time is predicted from two consecutive replies. With long cycles this takes several rounds.
         const bool reads = group.overlap.sets == 1 && source.address == wanted.address &&
                            (source.command == wire::Command::FPRD || source.command == wire::Command::APRD);
