@@ -278,6 +278,13 @@ void resume_time(Network& network) {
     (void)carry_time_of(network, &reference);
 }
 
+TimePause::~TimePause() {
+    if (ended_) return;
+    if (!network_.silent) resume_time(network_);
+    network_.clocks.returning = 0;
+    network_.clocks.paused = false;
+}
+
 Task<Result<>> set_reference(Network& network, const Slave& slave) {
     Clocks& clocks = network.clocks;
     network.report({.kind = EventKind::reference_clock, .slave = slave.number, .other = clocks.reference});
