@@ -186,6 +186,7 @@ void note_difference(Network& network, const Slave& slave, std::int64_t before_n
                         !clock.in_sync && std::abs(soon_ns) > limit.limit_ns;
     const auto change = clock.watch.update(passes ? INT32_MAX : difference, limit, network.engine.now());
     clock.in_sync = clock.watch.in_sync();
+    if (!clock.in_sync && !clock.out_of_reach) clocks.all_in_sync = false;
     clock.knows_rate |= clock.in_sync;
     // The clock may have lost `in_sync` before this comparison: after a loss of the reference, or while the bus is
     // shifted.
