@@ -30,7 +30,7 @@ static Task<Result<>> run(Network& network, ClockDatagramRequest& request) {
     const Slave& reference = network.slave(clocks.reference);
     const bool wide = clocks.of(reference).kind == ClockKind::bits64;
     const Time now = network.engine.now();
-    std::uint64_t time = clocks.system_at_ns(now);
+    std::uint64_t time = clocks.system_at_ns(leaves_at(network));
     if (request.action == Action::write_reference) clocks.is_driven = true;
     if (request.action == Action::write_reference)
         time = request.time_ns + (request.at == kNever ? 0 : static_cast<std::uint64_t>((now - request.at).count()));
@@ -48,7 +48,7 @@ static Task<Result<>> run(Network& network, ClockDatagramRequest& request) {
     std::array<std::byte, 8> data{};
     store_le<std::uint64_t>(data, 0, time);
     const std::size_t bytes = request.action != Action::read_differences && wide ? 8 : 4;
-    Datagram datagram(network.engine.link(), command, address, MutableBytes(data).first(bytes), Repeat::no);
+    TimedDatagram datagram(network.engine.link(), command, address, MutableBytes(data).first(bytes), Repeat::no);
     auto reply = co_await datagram;
     if (!reply.ok()) co_return clock_error(network, reply.errc);
     const std::uint64_t seen = load_le<std::uint64_t>(data);
@@ -58,7 +58,7 @@ static Task<Result<>> run(Network& network, ClockDatagramRequest& request) {
     if (request.action == Action::read_differences)
         request.difference_ns = load_greatest_difference_ns(load_le<std::uint32_t>(data));
     if (request.action == Action::distribute) {
-        clocks.note_time(seen, wide, now);
+        clocks.note_time(seen, wide, datagram.sent_at());
         request.time_ns = clocks.system_ns;
         request.slaves = reply.wkc;
     }

@@ -71,7 +71,7 @@ Duration ExternalClock::update(Context& ctx, Duration lateness) {
     if (!is_reference) return earlier;
     const Time now = cycle_.record().at;
     const bool waits = waits_for_cycle(network, now, settings_.phase.cycle);
-    const std::uint32_t under_way = cycles_under_way(network.process.groups[settings_.cycle.group]);
+    const std::uint32_t under_way = cycles_without_time(network.process.groups[settings_.cycle.group]);
     std::int64_t correction = 0;
     if (inputs_fresh(ctx, internal_.address().slave) && take_stamps()) {
         const auto grid = static_cast<std::uint64_t>(settings_.grid.count());

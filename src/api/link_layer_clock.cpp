@@ -37,7 +37,7 @@ std::optional<Duration> LinkLayerClock::take(Context& ctx, const Reading& readin
     const std::int64_t set_value = settings_.set_value.count();
     const std::int64_t error =
         phase_error_ns(reading.bus_time_ns % cycle + (cycle - *sent_ns % cycle), cycle, set_value);
-    const Time last = received_at(network.process.groups[settings_.group], network.engine.link());
+    const Time last = time_sent_at(network.process.groups[settings_.group], network.engine.link());
     const bool waits = waits_for_cycle(network, last, settings_.phase.cycle);
     // A pending reading does not show the corrections of the last update() either.
     const std::uint8_t pending = is_pending_ ? 1 : 0;
@@ -75,7 +75,7 @@ Duration LinkLayerClock::update(Context& ctx, Duration lateness) {
     is_pending_ = false;
     const bool single = !group.prepared.empty() && group.overlap.sets <= 1;
     if (single && group.dc_time.came && group.dc_time.slaves != 0) {
-        const Time at = received_at(group, network.engine.link());
+        const Time at = time_sent_at(group, network.engine.link());
         const std::uint64_t time = whole_bus_time(network, group, at, pending_.bus_time_ns, pending_.at);
         pending_ = {.bus_time_ns = time, .at = at, .lateness = lateness};
         std::copy_n(group.prepared.front().bytes.begin(), pending_.head.size(), pending_.head.begin());
@@ -91,7 +91,7 @@ Duration LinkLayerClock::update(Context& ctx, Duration lateness) {
                         .actual = static_cast<std::uint32_t>(record_.error_ns)});
     was_in_sync_ = in_sync;
     if (earlier) return *earlier;
-    const bool waits = waits_for_cycle(network, received_at(group, network.engine.link()), settings_.phase.cycle);
+    const bool waits = waits_for_cycle(network, time_sent_at(group, network.engine.link()), settings_.phase.cycle);
     shift_reference(*master, reference_.coast(), settings_.phase.cycle, waits);
     return Duration(cycle_.coast());
 }

@@ -59,7 +59,7 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     network.clocks.is_paced = true;
     network.clocks.paced_ns = 0;
     const ProcessGroup& group = network.process.groups[settings_.group];
-    record_.at = received_at(group, network.engine.link());
+    record_.at = time_sent_at(group, network.engine.link());
     record_.read = group.dc_time.came && group.dc_time.slaves != 0;
     record_.clocks_in_sync = network.clocks.all_in_sync;
     record_.difference_ns = network.clocks.greatest_ns;
@@ -111,7 +111,7 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     const bool writes = bus_shift || settings_.mode == Mode::master_reference;
     const bool waits = writes && waits_for_cycle(network, now, settings_.phase.cycle);
     // Cycles that are under way do not show a correction, and neither does the cycle with which the correction is sent.
-    const std::uint32_t under_way = cycles_under_way(network.process.groups[settings_.group]);
+    const std::uint32_t under_way = cycles_without_time(network.process.groups[settings_.group]);
     const auto hidden = static_cast<std::uint8_t>(bus_shift ? under_way + waits : settings_.phase.cycles_late);
     const std::int64_t correction = corrects() ? controller_.update(error, now, hidden) : 0;
     if (!corrects()) controller_.observe(error, now);

@@ -78,7 +78,10 @@ SendStatus Link::send_rest(std::span<PreparedFrame> frames, SendStatus all, Time
 
 // Writes the index and the outputs into the frame.
 void Link::fill(PreparedFrame& frame, std::uint8_t index) {
-    if (frame.is_held()) drop_held(frame);
+    if (frame.is_held()) {
+        lose_readings(frame);
+        drop_held(frame);
+    }
     for (PreparedDatagram& d : frame.datagrams) {
         std::byte* at = &frame.bytes[d.offset];
         at[1] = std::byte{index};
@@ -153,6 +156,8 @@ bool Link::take_half(PreparedFrame& frame, Time now) {
 }
 
 void Link::give_up_prepared(PreparedFrame& frame, Time now) {
+    if (frame.slot == nullptr) return;
+    lose_readings(frame);
     FrameSlot* slot = leave_slot(frame);
     if (slot == nullptr) return;
     ++statistics_.lost;
@@ -191,14 +196,18 @@ void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, 
 
 // After a frame that was lost, the time in the next one is too early: the clocks would take it if the reference was
 // lost meanwhile. So the next frame only reads the reference.
-void Link::mark_not_received(PreparedFrame& frame) {
-    if (frame.is_held()) drop_held(frame);
-    frame.end = CycleEnd::missing;
-    for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;
+void Link::lose_readings(PreparedFrame& frame) {
     for (PreparedReading& r : frame.readings) {
         r.into->came = false;
         read_only(frame, r);
     }
+}
+
+void Link::mark_not_received(PreparedFrame& frame) {
+    if (frame.is_held()) drop_held(frame);
+    frame.end = CycleEnd::missing;
+    for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;
+    lose_readings(frame);
 }
 
 SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
@@ -219,7 +228,7 @@ SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
     }
     note_prepared(frame);
     statistics_.bytes_on_wire += wire::bytes_on_the_wire(whole.size()) - frame.wire_bytes;
-    note_sent(*slot);
+    note_sent(*slot, now);
     if (whole.size() > frame.size) note_riders(whole.size() - frame.size);
     return status;
 }

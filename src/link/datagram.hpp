@@ -102,6 +102,7 @@ class Datagram : public ListNode {
 
   private:
     friend class Link;
+    friend class TimedDatagram;
 
     Link& link_;
     Bytes sent_data_;
@@ -114,8 +115,22 @@ class Datagram : public ListNode {
     std::uint8_t sendings_ = 0;
     bool unmarked_ = false;
     bool alone_ = false;
+    bool timed_ = false;  // a TimedDatagram
     std::uint16_t wkc_ = 0;
     std::uint16_t offset_ = 0;  // offset of the header in its frame
+};
+
+// A datagram that knows when it was sent last.
+class TimedDatagram : public Datagram {
+  public:
+    TimedDatagram(Link& link, wire::Command command, wire::DatagramAddress address, MutableBytes data,
+                  Repeat repeat = Repeat::yes);
+    [[nodiscard]] Time sent_at() const { return sent_at_; }
+
+  private:
+    friend class Link;
+
+    Time sent_at_{};
 };
 
 // Awaits several datagrams, which are sent in this order, in one frame if they fit. Afterwards reply() of each datagram

@@ -14,6 +14,12 @@ Datagram::Datagram(Link& link, wire::Command command, wire::DatagramAddress addr
 
 Datagram::~Datagram() = default;
 
+TimedDatagram::TimedDatagram(Link& link, wire::Command command, wire::DatagramAddress address, MutableBytes data,
+                             Repeat repeat)
+    : Datagram(link, command, address, data, repeat) {
+    timed_ = true;
+}
+
 bool DatagramWait::submit(std::coroutine_handle<> waiting, std::span<Datagram* const> datagrams) noexcept {
     handle = waiting;
     for (Datagram* datagram : datagrams) (void)datagram->submit(*this);
@@ -145,6 +151,7 @@ void Link::note_silence() {
 void Link::give_up(FrameSlot& slot, Time now, List<Waiter>& ready) {
     if (slot.prepared != nullptr) {
         slot.prepared->slot = nullptr;
+        lose_readings(*slot.prepared);
         remove_riders(*slot.prepared);
     }
     if (!slot.refused) ++statistics_.lost;
@@ -187,10 +194,11 @@ void Link::unpack(FrameSlot& slot) {
     while (Datagram* d = slot.datagrams.back()) queue_.push_front(*d);
 }
 
-void Link::note_sent(FrameSlot& slot) {
+void Link::note_sent(FrameSlot& slot, Time now) {
     if (!slot.datagrams.empty()) stuck_since_ = kNever;
     for (Datagram* d = slot.datagrams.front(); d != nullptr; d = slot.datagrams.after(*d)) {
         ++d->sendings_;
+        if (d->timed_) static_cast<TimedDatagram*>(d)->sent_at_ = now;
         ++statistics_.datagrams_sent;
     }
 }
@@ -208,7 +216,7 @@ bool Link::send_one(FrameSlot& slot, Time now, std::size_t room) {
         unpack(slot);
         return false;
     }
-    note_sent(slot);
+    note_sent(slot, now);
     slot.refused = status == SendStatus::failed;
     if (slot.refused) {
         ++statistics_.send_refused;

@@ -82,6 +82,8 @@ class Link {
     [[nodiscard]] bool take_half(PreparedFrame& frame, Time now);
     // Marks all datagrams and readings of the frame as not received in this cycle.
     static void mark_not_received(PreparedFrame& frame);
+    // The same for its readings only. The application may send the next cycle without receiving this one.
+    static void lose_readings(PreparedFrame& frame);
 
     // Overlapped cycles, implemented in link/overlap.cpp. After this call the indices of frames are divided between the
     // thread that sends overlapped cycles and the owner's thread.
@@ -199,7 +201,7 @@ class Link {
     [[nodiscard]] Bytes add_riders(PreparedFrame& frame, FrameSlot& slot);
     [[nodiscard]] std::size_t rider_room();
     void note_riders(std::size_t bytes);
-    void note_sent(FrameSlot& slot);
+    void note_sent(FrameSlot& slot, Time now);
     void note_cycle(Time before, Time now) {
         // Unsigned, so that the time from Time::min() (before the first cycle) is a pause, too.
         const auto nanoseconds = [](Time time) { return static_cast<std::uint64_t>(time.time_since_epoch().count()); };

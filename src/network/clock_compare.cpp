@@ -1,6 +1,7 @@
 // Which time reaches the clock of a slave, and how far a clock is from the reference. "In sync" in
 // src/network/README.md says what follows from it.
 #include "clock/system_time.hpp"
+#include "network/clock_restore.hpp"
 #include "network/network.hpp"
 #include "network/wanted.hpp"
 #include "util/scoped_flag.hpp"
@@ -431,7 +432,9 @@ Task<Result<>> return_to_first_clock(Network& network) {
             co_return Nothing{};
         }
         ReturnToken token(std::in_place, network.marks(*first));
+        TimePause pause(network);
         is_at_reference = co_await approach_reference(network, *first, token);
+        pause.end();
         if (is_at_reference && *is_at_reference && carry_time_of(network, first))
             co_return co_await required(set_reference(network, *first));
     }

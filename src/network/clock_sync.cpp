@@ -318,6 +318,7 @@ Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) 
     while (network.redundancy == nullptr && clocks.paused && network.engine.now() < give_up)
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));  // another slave becomes the reference now
     (void)carry_time_of(network, nullptr);
+    TimePause pause(network);
     // After a loss of power, the control loop corrects the clock at the greatest rate, and would continue while the
     // clock is being set.
     auto set = co_await reset_control_loop(network.station(slave));
@@ -337,6 +338,7 @@ Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) 
             clocks.lose_sync(other);
     const Slave& reference = network.slave(clocks.reference);
     (void)carry_time_of(network, &reference);
+    pause.end();
     co_return set;
 }
 

@@ -11,7 +11,8 @@ void refresh_system_time(Network& network) {
     if (clocks.reference == 0 || watched) return;
     for (const ProcessGroup& group : network.process.groups)
         if (group.mapped && group.dc_reference == clocks.reference && group.dc_time.came && group.dc_time.slaves != 0)
-            clocks.note_seen_time(group.dc_time.value, is_time_whole(group), received_at(group, network.engine.link()));
+            clocks.note_seen_time(group.dc_time.value, is_time_whole(group),
+                                  time_sent_at(group, network.engine.link()));
 }
 
 }  // namespace margay

@@ -186,6 +186,7 @@ void note_difference(Network& network, const Slave& slave, std::int64_t before_n
                         !clock.in_sync && std::abs(soon_ns) > limit.limit_ns;
     const auto change = clock.watch.update(passes ? INT32_MAX : difference, limit, network.engine.now());
     clock.in_sync = clock.watch.in_sync();
+    if (!clock.in_sync && !clock.out_of_reach) clocks.all_in_sync = false;
     clock.knows_rate |= clock.in_sync;
     // The clock may have lost `in_sync` before this comparison: after a loss of the reference, or while the bus is
     // shifted.
@@ -278,6 +279,13 @@ void resume_time(Network& network) {
     (void)carry_time_of(network, &reference);
 }
 
+TimePause::~TimePause() {
+    if (ended_) return;
+    if (!network_.silent) resume_time(network_);
+    network_.clocks.returning = 0;
+    network_.clocks.paused = false;
+}
+
 Task<Result<>> set_reference(Network& network, const Slave& slave) {
     Clocks& clocks = network.clocks;
     network.report({.kind = EventKind::reference_clock, .slave = slave.number, .other = clocks.reference});
@@ -325,7 +333,8 @@ bool note_time_of_cycle(Network& network) {
             continue;
         }
         if (group.dc_time.slaves != 0 && settled)
-            clocks.note_seen_time(group.dc_time.value, is_time_whole(group), received_at(group, network.engine.link()));
+            clocks.note_seen_time(group.dc_time.value, is_time_whole(group),
+                                  time_sent_at(group, network.engine.link()));
         // The next time is predicted from two consecutive replies. With long cycles this takes several rounds.
         const bool reads = group.overlap.sets == 1 && source.address == wanted.address &&
                            (source.command == wire::Command::FPRD || source.command == wire::Command::APRD);

@@ -335,33 +335,26 @@ static const ProcessGroup* next_carrier(Network& network) {
     return next;
 }
 
-static Time leaves_at(const ProcessGroup* carrier, Time now) {
+Time leaves_at(Network& network) {
+    const ProcessGroup* const carrier = next_carrier(network);
+    const Time now = network.engine.now();
     return carrier == nullptr ? now : std::max(now, next_cycle(*carrier));
-}
-
-Time leaves_at(Network& network) { return leaves_at(next_carrier(network), network.engine.now()); }
-
-// When a datagram left whose reply has come since the last poll(). `queued`: when it was queued, for `carrier`.
-static Time left_at(Network& network, const ProcessGroup* carrier, Time queued) {
-    return carrier == nullptr ? queued : std::max(queued, received_at(*carrier, network.engine.link()));
 }
 
 Task<Result<>> send_time(Network& network) {
     const Slave& reference = network.slave(network.clocks.reference);
     const bool wide = network.clocks.of(reference).kind == ClockKind::bits64;
     std::array<std::byte, 8> time{};
-    const Time now = network.engine.now();
-    const ProcessGroup* const carrier = next_carrier(network);
     // Taken by all clocks if the reference is lost.
-    store_le<std::uint64_t>(time, 0, network.clocks.system_at_ns(leaves_at(carrier, now)));
+    store_le<std::uint64_t>(time, 0, network.clocks.system_at_ns(leaves_at(network)));
     const TimeSource source = time_source_of(network.slaves(), reference, network.clocks.settings.by_position);
-    Datagram carry(network.engine.link(), source.command, {source.address, reg::kSystemTime.address},
-                   MutableBytes(time).first(wide ? 8U : 4U), Repeat::no);
+    TimedDatagram carry(network.engine.link(), source.command, {source.address, reg::kSystemTime.address},
+                        MutableBytes(time).first(wide ? 8U : 4U), Repeat::no);
     carry.send_alone();
     auto reply = co_await carry;
     if (reply.ok() && reply.wkc != 0) {
         ++network.clocks.times_sent;
-        network.clocks.note_seen_time(load_le<std::uint64_t>(time), wide, left_at(network, carrier, now));
+        network.clocks.note_seen_time(load_le<std::uint64_t>(time), wide, carry.sent_at());
     }
     co_return Nothing{};  // a lost frame is no error: the next frame brings the time
 }
@@ -391,16 +384,14 @@ static std::ptrdiff_t most_answers(Network& network) {
 }
 
 Task<Result<>> latch_receive_times(Network& network) {
-    static constexpr std::array<std::byte, 4> kAny{};
+    std::array<std::byte, 4> any{};
     std::array<std::byte, 1> type{};
-    Datagram latch(network.engine.link(), Command::BWR, broadcast(reg::kPortReceiveTime), Bytes(kAny));
+    TimedDatagram latch(network.engine.link(), Command::BWR, broadcast(reg::kPortReceiveTime), MutableBytes(any));
     Datagram count(network.engine.link(), Command::BRD, broadcast(reg::kType),
                    MutableBytes(type));  // each slave has it
-    const Time now = network.engine.now();
-    const ProcessGroup* const carrier = next_carrier(network);
     co_await together(latch, count);
-    network.clocks.latched_at = left_at(network, carrier, now);
-    for (const Datagram* d : {&latch, &count})
+    network.clocks.latched_at = latch.sent_at();
+    for (const Datagram* d : std::initializer_list<const Datagram*>{&latch, &count})
         if (!d->reply().ok()) co_return Error{.code = d->reply().errc, .step = kClockStep};
     network.clocks.unknown_latched = count.reply().wkc > most_answers(network);
     co_return Nothing{};

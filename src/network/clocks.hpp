@@ -155,7 +155,7 @@ struct Clocks {
     [[nodiscard]] std::uint64_t system_at_ns(Time now) const {
         return system_ns + static_cast<std::uint64_t>((now - system_at).count());
     }
-    // The reference clock showed `time_ns` (`wide`: 64 bits of it) in a frame that was queued at `now`.
+    // The reference clock showed `time_ns` (`wide`: 64 bits of it) in a frame that was sent at `now`.
     void note_time(std::uint64_t time_ns, bool wide, Time now) {
         const std::uint64_t about = system_at_ns(now);
         system_ns = wide ? time_ns : extend_time_ns(static_cast<std::uint32_t>(time_ns), about);

@@ -184,11 +184,16 @@ void set_time_standby(ProcessGroup& group, StationAddress standby);
 // How many cycles have brought the time of the reference clock to the other clocks: cycles that came back and have also
 // written the time. The number wraps, and starts again after config_map().
 [[nodiscard]] std::uint16_t cycles_with_time(const ProcessGroup& group);
-// When the cycle that was received last was sent: Group::dc_time comes from this cycle, and the next cycle may be under
-// way. If cycles overlap: when the last cycle of any group was sent.
-[[nodiscard]] inline Time received_at(const ProcessGroup& group, const Link& link) {
+// Whether Group::dc_time is not of the cycle that was sent last, because the first frame of this cycle is not back.
+// Also poll() reads frames: then dc_time is of a cycle that is still under way.
+[[nodiscard]] inline bool is_time_awaited(const ProcessGroup& group) {
+    return group.under_way && (group.prepared.empty() || group.prepared.front().end == CycleEnd::missing);
+}
+// When the cycle was sent that has brought Group::dc_time. If cycles overlap: when the cycle of any group was sent that
+// was received last.
+[[nodiscard]] inline Time time_sent_at(const ProcessGroup& group, const Link& link) {
     if (group.overlap.sets > 1) return link.last_cycle();
-    return group.under_way ? group.pace.before : group.pace.last;
+    return is_time_awaited(group) ? group.pace.before : group.pace.last;
 }
 
 [[nodiscard]] Error nothing_sent(const ProcessGroup& group);
@@ -218,6 +223,11 @@ struct OverlapFeature {
 [[nodiscard]] inline std::uint32_t cycles_under_way(const ProcessGroup& group) {
     if (group.overlap.sets == 1) return group.under_way ? 1 : 0;
     return group.overlap.sent.load(std::memory_order_acquire) - group.overlap.received.load(std::memory_order_relaxed);
+}
+// How many cycles were sent and have not brought Group::dc_time yet.
+[[nodiscard]] inline std::uint32_t cycles_without_time(const ProcessGroup& group) {
+    if (group.overlap.sets == 1) return is_time_awaited(group) ? 1 : 0;
+    return cycles_under_way(group);
 }
 [[nodiscard]] inline Time sent_at(const ProcessGroup& group) {
     return group.overlap.sent_at[group.overlap.receive_set];

@@ -85,6 +85,21 @@ TEST_F(ApplicationTimeTest, WithoutItTheReferenceClockDrifts) {
     EXPECT_LE(greatest_error_ns(3), 200) << "and the other clocks follow it";
 }
 
+// poll() queues the datagram behind a cycle, and the next cycle takes it along.
+TEST_F(ApplicationTimeTest, TheSystemTimeIsRightWhereTheDatagramWaitsForTheNextCycle) {
+    bring_up();
+    for (int n = 0; n < 1000; ++n) {
+        osal.advance(1ms);
+        ASSERT_TRUE(send_processdata(*ctx).ok());
+        (void)receive_processdata(*ctx, reply_timeout);
+        (void)poll(*ctx, osal.now());
+        (void)time->sync_slave_clocks();
+        (void)poll(*ctx, osal.now());
+        const std::uint64_t known = clock_status(*ctx, osal.now()).system_time_ns;
+        ASSERT_NEAR(static_cast<double>(static_cast<std::int64_t>(known - shown(0))), 0, 50'000) << n;
+    }
+}
+
 // The clocks follow the time of a third clock, which is 50 ppm slower than the clock of the application.
 TEST_F(ApplicationTimeTest, OrAnyTimeThatIsGiven) {
     bring_up();

@@ -213,5 +213,40 @@ TEST(LostBranch, TheReferenceThatIsLostAtOnceKeepsItsRate) {
     }
 }
 
+// A junction without a clock and slaves 2 to 4 at its ports. Slave 2 becomes the reference again, and the cycles carry
+// no time. In this moment all slaves are lost. Slave 2 does not come back.
+TEST(LostBranch, TheTimeIsCarriedAgainAfterALossOfAllSlavesInAReturn) {
+    for (const int moment : {1, 5, 10, 20, 30, 40}) {
+        SCOPED_TRACE(moment);
+        LateClocksBus bus;
+        bus.hang(0, {.unit = sim::DcUnit::receive_times});
+        bus.hang(3, {.drift_ppb = 50'000, .start_ns = 123}, true);
+        bus.hang(1, {.drift_ppb = -50'000, .start_ns = 1234});
+        bus.hang(2, {.drift_ppb = 20'000, .start_ns = 12345});
+        bus.bring_up(kFewFrames, {});
+        ASSERT_EQ(reference_clock(*bus.ctx), 2);
+        bus.power(1, false);
+        bus.steps(1000);
+        ASSERT_EQ(reference_clock(*bus.ctx), 3);
+        const RegisterReading& time = bus.ctx->group(0).dc_time;
+        ASSERT_EQ(time.slaves, 2);
+        bus.power(1, true);
+        int waited = 0;
+        for (; waited < 2000 && time.slaves != 0; ++waited) bus.step();
+        ASSERT_LT(waited, 2000);
+        bus.steps(moment);
+        bus.segment.set_cable({0, 0}, false);
+        bus.steps(100);
+        bus.power(1, false);
+        bus.steps(1400);
+        bus.segment.set_cable({0, 0}, true);
+        bus.steps(2000);
+        EXPECT_EQ(reference_clock(*bus.ctx), 3);
+        EXPECT_EQ(time.slaves, 2);
+        EXPECT_LE(std::abs(bus.ahead_ns(4, 3)), 200);
+        EXPECT_TRUE(clock_status(*bus.ctx, bus.osal.now()).in_sync);
+    }
+}
+
 }  // namespace
 }  // namespace margay

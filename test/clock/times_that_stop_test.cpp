@@ -251,6 +251,23 @@ TEST_F(TimesThatStop, TheSystemTimeIsRightWhileACycleIsUnderWay) {
     exchange();
 }
 
+// A clock leaves the limit between the reading of all clocks and the reading of this clock.
+TEST_F(TimesThatStop, AllClocksAreInSyncOnlyWhileEachOneIs) {
+    begin(4);
+    unsigned out = 0;
+    for (unsigned n = 0; n < 30'000; ++n) {
+        if (n % 500 == 0) {
+            const std::int32_t by = static_cast<std::int32_t>(n / 500 % 7 + 4) * (n % 1000 == 0 ? 1'500 : -1'500);
+            for (std::uint32_t s = 1; s <= 3; ++s) segment.slave(s).set_drift(by, osal.now());
+        }
+        cycles(1);
+        const bool each = clock(2).in_sync && clock(3).in_sync && clock(4).in_sync;
+        ASSERT_TRUE(each || !clock_status(*ctx, osal.now()).in_sync) << n;
+        if (!each) ++out;
+    }
+    EXPECT_GT(out, 100U);
+}
+
 // The order of calls in programs for IgH: a frame is on the wire whenever the library can work.
 TEST_F(TimesThatStop, ALoopThatSendsBeforeItPollsGetsItsTimeBack) {
     begin(5);
