@@ -288,16 +288,16 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
 
 // If slaves are in different states, the OR of all states hides the change of a slave from one of these states to
 // another one. A lost slave that has kept its power may come back when another slave leaves. In both cases, the looks
-// follow each other closely. The pause is 4 times as long as a look, if `retry` is not shorter, so that mailboxes keep
-// most of the acyclic traffic.
+// follow each other closely. The time between two looks is 4 times as long as a look, if `retry` is not shorter, so
+// that mailboxes keep most of the acyclic traffic.
 Time next_look(Network& network, const SuperviseRequest& wanted, Time begun, unsigned al_status) {
     const Time now = network.engine.now();
     const bool may_come_back = std::ranges::any_of(network.slaves(), [](const Slave& slave) {
         return slave.al.state == AlState::none && slave.seen && exchanges(slave);
     });
     const bool hides = may_come_back || std::popcount(al_status & 0x1FU) > 1;
-    const Duration rest = hides ? std::max(wanted.interval, 4 * (now - begun)) : wanted.retry;
-    return later(now, std::min(rest, wanted.retry));
+    const Duration interval = hides ? std::max(wanted.interval, 4 * (now - begun)) : wanted.retry;
+    return later(now, std::min(interval, wanted.retry));
 }
 
 void note_lost(Network& network, Slave& slave) {
