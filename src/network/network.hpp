@@ -184,7 +184,7 @@ struct Network {
     Error supervision_error;         // why it has ended
     bool segment_in_use = false;     // a request that needs the whole segment is executing
     bool segment_wanted = false;     // such a request waits
-    bool group_is_back = false;      // the head of a hot connect group is back: its members should come with it
+    bool group_is_back = false;      // the first slave of a hot connect group is back: its members should come with it
     bool supervision_turn =
         false;  // such a request has ended: the supervision has its turn before the next such request begins
     std::uint16_t slave_of_cut_hook = 0;  // a sequence was destroyed while it waited for the hook of this slave

@@ -27,8 +27,8 @@ namespace margay {
 
 // Gives newcomer_address() to the slave at place `n` of the ring, counted from 0. The same frame checks that the ring
 // is as it was read: the number of slaves, the address of the newcomer and that of the slave above it, which may be the
-// head of its group; and that no slave has the newcomer's address. Otherwise the slave gets its previous address back.
-// Errors: unstable.
+// first slave of its group; and that no slave has the newcomer's address. Otherwise the slave gets its previous address
+// back. Errors: unstable.
 [[nodiscard]] Task<Result<>> address_newcomer(Network& network, std::uint16_t n);
 
 // Reads the identity of the newcomer into Network::guest. The whole SII is read only if a lost slave is recognised by

@@ -162,8 +162,8 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, const Verdict* v
     co_return Nothing{};
 }
 
-// A newcomer below an unidentified slave cannot be identified: the slave above may be the head of its group. The slaves
-// between the second NIC and a break are identified before the slaves above them: see place_of_turn().
+// A newcomer below an unidentified slave cannot be identified: the slave above may be the first slave of its group. The
+// slaves between the second NIC and a break are identified before the slaves above them: see place_of_turn().
 bool below_unasked(Network& network, std::size_t n) {
     if (network.ring[n].behind_break) return false;
     for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
@@ -410,7 +410,7 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     slave.al = now;
     update_mailbox(network, slave);
     network.marks(slave).attempts = 0;
-    network.group_is_back |= is_head_of_group(network, slave);
+    network.group_is_back |= is_first_of_group(network, slave);
     network.marks(slave).uncertain = false;
     if (!mapped || now.state == AlState::init || !slave.seen) co_return Nothing{};
     set_takes_part(network, slave, true);

@@ -198,7 +198,7 @@ Task<Result<>> search(Watch& watch) {
     co_return Nothing{};
 }
 
-// Reports members of hot connect groups that have not come with their heads.
+// Reports members of hot connect groups that have not come with the first slaves of their groups.
 void report_missing(Watch& watch) {
     Network& network = watch.network;
     watch.groups_at = kNever;
