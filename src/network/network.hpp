@@ -141,10 +141,10 @@ struct Network {
     std::span<SlaveMarks> mark_table;
     std::uint16_t count = 0;  // slaves in the table: found, or expected
     std::span<RingPlace> ring;
-    std::uint16_t ring_count = 0;     // slaves in the ring when it was last read
-    RingParts parts_read;             // where the ring was broken then
-    std::uint16_t stranger_mark = 0;  // station address of slaves that are unknown and reported
-    std::size_t tasks;                // number of slaves that are processed at the same time
+    std::uint16_t ring_count = 0;        // slaves in the ring when it was last read
+    RingParts parts_read;                // where the ring was broken then
+    std::uint16_t stranger_address = 0;  // station address of slaves that are unknown and reported
+    std::size_t tasks;                   // number of slaves that are processed at the same time
     ScanSettings settings;
     ProcessTables process;
     WritableRing<Error> errors;  // these three: without memory until use() gives it to them

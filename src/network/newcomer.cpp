@@ -139,7 +139,7 @@ Verdict identify_as_expected(Network& network, std::uint16_t n) {
 }
 
 StationAddress newcomer_address(const Network& network) {
-    constexpr std::uint16_t kNewcomers = 0x0D00;  // below the marks of unknown slaves
+    constexpr std::uint16_t kNewcomers = 0x0D00;  // below the addresses of unknown slaves
     return {static_cast<std::uint16_t>(kNewcomers | network.newcomers)};
 }
 

@@ -132,12 +132,12 @@ void report_rivals(Network& network, std::uint16_t n, const Verdict& verdict) {
     network.report(event);
 }
 
-// An unknown slave gets a mark as its station address. The slave is reported when it is found for the second time,
+// An unknown slave gets the station address of strangers. The slave is reported when it is found for the second time,
 // because a ring that changes while it is read can mislead the search. After that, the slave is not reported again.
-Task<Result<>> mark_stranger(Network& network, std::uint16_t n, const Verdict* verdict) {
-    using stranger_mark::kSuspect;
-    using stranger_mark::kUndecided;
-    const std::uint16_t reported = network.stranger_mark;
+Task<Result<>> address_stranger(Network& network, std::uint16_t n, const Verdict* verdict) {
+    using stranger_address::kSuspect;
+    using stranger_address::kUndecided;
+    const std::uint16_t reported = network.stranger_address;
     const std::uint16_t before = network.ring[n].address;
     const bool rivals = verdict->rivals[0] != nullptr;
     const bool waits = rivals || !neighbour_is_known(network, n);
@@ -147,9 +147,9 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, const Verdict* v
     const bool again =
         reported != 0 && (before == reported - kSuspect - kUndecided || (before == reported - kSuspect && !rivals));
     const auto suspect = static_cast<std::uint16_t>(at_once || again || known ? 0 : kSuspect);
-    const auto mark = static_cast<std::uint16_t>(reported - undecided - suspect);
-    co_await required(rename(network, network.guest.station_address, mark));
-    network.ring[n].address = mark;
+    const auto address = static_cast<std::uint16_t>(reported - undecided - suspect);
+    co_await required(rename(network, network.guest.station_address, address));
+    network.ring[n].address = address;
     Slave* const instead_of = verdict->instead_of;
     if (known && instead_of != nullptr) instead_of->error = guest_error(network, *instead_of);
     if (!at_once && !again) co_return Nothing{};
@@ -213,7 +213,7 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
         co_return asked ? verdict.error() : asked.error();
     }
     if (verdict->slave == nullptr) {
-        auto dismissed = co_await mark_stranger(network, n, &*verdict);
+        auto dismissed = co_await address_stranger(network, n, &*verdict);
         co_return dismissed ? Result<bool>(false) : Result<bool>(dismissed.error());
     }
     auto admitted = co_await assign_slave_address(network, n, *verdict->slave);

@@ -470,8 +470,8 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     // The last supervision ended in a silence.
     if (std::exchange(network.silent, false)) network.compared = Time::min();
     // With supervisions that are submitted repeatedly, slaves that never recover must not block the other slaves.
-    if (network.count != 0) watch.next_helped = (network.stranger_mark & 0xFFU) % network.count;
-    network.stranger_mark = static_cast<std::uint16_t>(0x0F00 | ((network.stranger_mark + 1) & 0xFF));
+    if (network.count != 0) watch.next_helped = (network.stranger_address & 0xFFU) % network.count;
+    network.stranger_address = static_cast<std::uint16_t>(0x0F00 | ((network.stranger_address + 1) & 0xFF));
     for (Slave& slave : network.slaves()) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = AlState::none;
