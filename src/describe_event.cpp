@@ -135,7 +135,7 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             break;
         case EventKind::missing:
             write_slave(out, e);
-            out << "missing, though the head of its group, slave " << e.other << ", is there";
+            out << "missing, though the first slave of its group, slave " << e.other << ", is there";
             break;
         case EventKind::recovered:
             write_slave(out, e);

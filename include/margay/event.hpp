@@ -25,7 +25,7 @@ enum class EventKind : std::uint8_t {
     ambiguous,  // a device is connected to `port` of slave `expected` (0: a NIC). `slave` and `other` are lost, and the
                 // device may be either of them: its identity and its place are right for both. It gets no outputs until
                 // other lost slaves have returned and only one slave is left for it, or until config_init() scans again
-    missing,    // the head `other` of the hot connect group of `slave` is present, but `slave` is missing
+    missing,    // `other`, the first slave of the hot connect group of `slave`, is present, but `slave` is missing
     recovered,  // a slave has reached its target state again
     recovery_failed,  // bringing a slave back has failed (`error`: the reason); the supervision will try again
     fell_short,   // the working counter of a group's cycle is too low for the slaves that should take part (expected,

@@ -11,8 +11,8 @@ namespace margay {
 // One expected slave. Only the members that are set are compared.
 //
 // An expected slave is located in one of three ways: by its place in the line (`number`); anywhere in the segment,
-// identified by a setting of the device (`alias` or `device_id`, with number 0); or behind the head of its hot connect
-// group.
+// identified by a setting of the device (`alias` or `device_id`, with number 0); or behind the first slave of its hot
+// connect group.
 //
 // config_init() gives slave(n) the number n, which stays until the next config_init(), also when slaves leave or
 // return:
@@ -49,11 +49,11 @@ struct ExpectedSlave {
     // Tolerance.
     bool tolerate = false;
     // Number of a hot connect group, not 0: slaves that are connected and disconnected together, at any port of the
-    // segment. The members are neighbours in the list and have the same number. The first is the head and is identified
-    // by alias or device id. The others have number 0 and follow behind the head in this order. The whole group may be
-    // missing. If the head is present, a missing member that is not optional is an error, and the expected working
-    // counters include it. While a group that was connected starts up, the expected working counters do not include its
-    // slaves.
+    // segment. The members are neighbours in the list and have the same number. The first member is identified by alias
+    // or device id. The others have number 0 and follow behind the first member in this order. The whole group may be
+    // missing. If the first slave is present, a missing member that is not optional is an error, and the expected
+    // working counters include it. While a group that was connected starts up, the expected working counters do not
+    // include its slaves.
     std::uint8_t hot_connect = 0;
     // The station address that config_init() gives to the slave, for tools that know the slaves by the addresses of a
     // configuration file (ENI: PhysAddr), for example by a mailbox gateway. 0: an address from 0x1001 on

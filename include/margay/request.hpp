@@ -79,7 +79,7 @@ class Request {
     // The values of RequestState, and bits for these conditions: submit() prepares the request; the owner has accepted
     // it; a thread sleeps until it is not busy. 32 bits, because Osal::sleep_while() needs them.
     static constexpr std::uint32_t kPreparing = 0x80;
-    static constexpr std::uint32_t kTaken = 0x100;
+    static constexpr std::uint32_t kAccepted = 0x100;
     static constexpr std::uint32_t kAwaited = 0x200;
     static constexpr RequestState plain(std::uint32_t state) { return static_cast<RequestState>(state & 0x7F); }
 

@@ -48,7 +48,7 @@ struct LineErrors {
 // expect(). Without these it is found by its serial number, or by its place: between the slaves before and behind it in
 // the ring. A place may fit several equal slaves, because others of them are lost too and one was bridged (taken out,
 // with a cable between its neighbours). Then the slave is not started up, and EventKind::ambiguous reports it. A member
-// of a hot connect group is found behind the head of its group only, also when it has kept its power.
+// of a hot connect group is found behind the first slave of its group only, also when it has kept its power.
 //
 // When the number of slaves has changed, the supervision scans the ring and updates slave(n).ring_position, parent and
 // ports. Expected slaves that were missing are started up when they appear: SII, mailboxes, start-up commands, hooks,

@@ -7,8 +7,10 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <new>
 #include <string>
 
 namespace margay::samples {
@@ -28,6 +30,25 @@ void note_lost_output() {
 void hold_standard_streams() {
     for (int fd = 0; fd < 3; ++fd)
         if (::fcntl(fd, F_GETFD) < 0) (void)::open("/dev/null", fd == 0 ? O_WRONLY : O_RDONLY);
+}
+
+// An exception cannot pass through a part of the library that is compiled without exceptions, for example through the
+// simulated segment: std::terminate() is called. If memory is exhausted, this is an error of the system, and the
+// program ends with the exit code of such an error. fail() is not used, because it allocates.
+std::terminate_handler handler_before = nullptr;
+[[noreturn]] void end_without_memory() {
+    if (const auto exception = std::current_exception()) {
+        try {
+            std::rethrow_exception(exception);
+        } catch (const std::bad_alloc&) {
+            (void)std::fputs(program_name.c_str(), stderr);
+            (void)std::fputs(": out of memory\n", stderr);
+            std::_Exit(exit_code::kSystem);
+        } catch (...) {  // a fault of the program
+        }
+    }
+    handler_before();
+    std::abort();
 }
 
 }  // namespace
@@ -76,9 +97,13 @@ int run_program(std::string_view name, const std::function<int()>& body) {
     program_name = name;
     hold_standard_streams();
     (void)std::signal(SIGPIPE, SIG_IGN);
+    const std::terminate_handler before = std::set_terminate(end_without_memory);
+    if (before != end_without_memory) handler_before = before;
     int code = exit_code::kSystem;
     try {
         code = body();
+    } catch (const std::bad_alloc&) {
+        (void)fail("out of memory");
     } catch (const std::exception& exception) {
         (void)fail(exception.what());
     }

@@ -54,9 +54,9 @@ void stop_at_signals();
 [[nodiscard]] bool stop_asked();
 
 // Executes `body` as the program `name` and returns the exit code of `body`, or exit_code::kSystem after an exception
-// (usually out of memory) or lost output. SIGPIPE is ignored: a closed pipe is a write error. Standard streams that the
-// caller has closed are replaced by /dev/null, so that no file or socket gets their numbers. Writing to them is an
-// error.
+// or lost output. If memory is exhausted where no exception can pass, the program ends at once with exit_code::kSystem.
+// SIGPIPE is ignored: a closed pipe is a write error. Standard streams that the caller has closed are replaced by
+// /dev/null, so that no file or socket gets their numbers. Writing to them is an error.
 int run_program(std::string_view name, const std::function<int()>& body);
 
 }  // namespace margay::samples

@@ -54,7 +54,7 @@ void insert(RequestQueue& queue, Request& request) {
 
 void accept(RequestQueue& queue, Request& request, Time now) {
     if (request.timeout > Duration{0}) RequestAccess::deadline(request) = later(now, request.timeout);
-    RequestAccess::take(request);
+    RequestAccess::accept(request);
     // cancel() may have been called before the request had its slot in the queue.
     if (RequestAccess::cancel_asked(request).load(std::memory_order_acquire))
         queue.cancel_asked.store(true, std::memory_order_release);

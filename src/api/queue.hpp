@@ -27,9 +27,9 @@ struct RequestAccess {
     // Makes the request busy; false if it is busy already. If several threads call claim(), it succeeds in one of them.
     [[nodiscard]] static bool claim(Request& r, Context& ctx);
     // Marks the request as accepted by the owner.
-    static void take(Request& r) { r.state_.fetch_or(Request::kTaken, std::memory_order_acq_rel); }
-    [[nodiscard]] static bool taken(const Request& r) {
-        return (r.state_.load(std::memory_order_acquire) & Request::kTaken) != 0;
+    static void accept(Request& r) { r.state_.fetch_or(Request::kAccepted, std::memory_order_acq_rel); }
+    [[nodiscard]] static bool accepted(const Request& r) {
+        return (r.state_.load(std::memory_order_acquire) & Request::kAccepted) != 0;
     }
     // Ends the request and wakes the threads that sleep until its end. The request may be destroyed by then: do not use
     // it afterwards.

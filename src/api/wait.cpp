@@ -61,9 +61,9 @@ void let_supervision_compare(Context& ctx, Master& master, Request& request) {
 bool sleep_until_over(Master& master, Request& request) {
     Osal& osal = master.osal;
     const Time patience = osal.now() + kOwnerSilent;
-    while (request.busy() && !RequestAccess::taken(request) && osal.now() < patience)
+    while (request.busy() && !RequestAccess::accepted(request) && osal.now() < patience)
         RequestAccess::sleep(request, osal, patience);
-    if (request.busy() && !RequestAccess::taken(request) && withdraw_submitted(master.queue, request)) return false;
+    if (request.busy() && !RequestAccess::accepted(request) && withdraw_submitted(master.queue, request)) return false;
     while (request.busy()) RequestAccess::sleep(request, osal, kNever);
     return true;
 }

@@ -272,7 +272,7 @@ void AttachServer::Loop::begin(Connection& client, attach::Operation operation, 
 void AttachServer::Loop::look_after(Connection& client) {
     Request& request = client.job->request();
     if (!request.busy()) return end_job(client);
-    if (!client.unpolled && now_ - client.begun > kOwnerSilent && !RequestAccess::taken(request)) {
+    if (!client.unpolled && now_ - client.begun > kOwnerSilent && !RequestAccess::accepted(request)) {
         client.unpolled = true;
         request.cancel();  // ends the request at once, unless the owner accepts it at this moment
         if (!request.busy()) return end_job(client);

@@ -400,8 +400,8 @@ void read_hot_connect(Reader& r, Node node, EniSlaveData& s) {
     }
     if (!s.expected.alias && !s.expected.device_id)
         r.fail(node,
-               "the head of the hot connect group is identified neither by its alias (0x0012) nor by its device id "
-               "(0x0134)");
+               "the first slave of the hot connect group is identified neither by its alias (0x0012) nor by its device "
+               "id (0x0134)");
 }
 
 std::vector<EniBits> read_bits(Reader& r, Node data, const char* name) {

@@ -37,7 +37,7 @@ void identify(Node group, const Slave& slave, std::uint16_t ado, std::uint16_t v
 // slave, and an ENI needs a group.
 bool is_anywhere(const ExpectedSlave& wanted) { return wanted.number == 0 && wanted.hot_connect == 0; }
 
-bool is_head(Context& ctx, const Slave& slave) {
+bool is_first_of_group(Context& ctx, const Slave& slave) {
     if (slave.wanted == nullptr || slave.wanted->hot_connect == 0) return false;
     // The members of a group have consecutive numbers.
     const std::uint8_t before = slave.number < 2 || ctx.slave(slave.number - 1U).wanted == nullptr
@@ -53,7 +53,7 @@ std::vector<std::string> write_identification(Node info, Context& ctx, const Sla
     const ExpectedSlave& wanted = *slave.wanted;
     std::vector<std::string> lost;
     const std::string name = "slave " + std::to_string(slave.number);
-    if (is_head(ctx, slave) || is_anywhere(wanted)) return lost;  // IdentifyCmd
+    if (is_first_of_group(ctx, slave) || is_anywhere(wanted)) return lost;  // IdentifyCmd
     if (wanted.alias) identification(info, *wanted.alias, reg::kStationAlias.address);
     if (!wanted.alias && wanted.device_id) identification(info, *wanted.device_id, reg::kAlStatusCode.address);
     if (wanted.alias && wanted.device_id)
@@ -64,8 +64,8 @@ std::vector<std::string> write_identification(Node info, Context& ctx, const Sla
 }
 
 std::vector<std::string> write_hot_connect(Node node, Context& ctx, const Slave& slave) {
-    const bool head = is_head(ctx, slave);
-    if (!head && (slave.wanted == nullptr || !is_anywhere(*slave.wanted))) return {};
+    const bool group_begins = is_first_of_group(ctx, slave);
+    if (!group_begins && (slave.wanted == nullptr || !is_anywhere(*slave.wanted))) return {};
     const ExpectedSlave& wanted = *slave.wanted;
     std::vector<std::string> lost;
     const auto is_member = [&](const Slave& one) {
@@ -73,12 +73,13 @@ std::vector<std::string> write_hot_connect(Node node, Context& ctx, const Slave&
     };
     Node group = add(node, "HotConnect");
     add(group, "GroupName",
-        std::string(head ? "Group " + std::to_string(wanted.hot_connect) : "Slave " + std::to_string(slave.number)));
-    const auto members = head ? std::ranges::count_if(ctx.slaves(), is_member) : 1;
+        std::string(group_begins ? "Group " + std::to_string(wanted.hot_connect)
+                                 : "Slave " + std::to_string(slave.number)));
+    const auto members = group_begins ? std::ranges::count_if(ctx.slaves(), is_member) : 1;
     add(group, "GroupMemberCnt", static_cast<std::uint64_t>(members));
     if (wanted.alias) identify(group, slave, reg::kStationAlias.address, *wanted.alias);
     if (wanted.device_id) identify(group, slave, reg::kAlStatusCode.address, *wanted.device_id);
-    if (!head)
+    if (!group_begins)
         lost.push_back("slave " + std::to_string(slave.number) +
                        " may be at any place: it is written as a hot connect group, which may be missing");
     return lost;

@@ -162,11 +162,11 @@ void Router::look_after(std::unique_ptr<MailJob>& job, Moment now) {
     const bool over = !job->busy();  // read before the ring is emptied, so that no mail can follow
     if (job->client != nullptr) deliver_earlier(*job, now);
     if (over) return finish(std::move(job), now);
-    const bool taken = RequestAccess::taken(*job);
-    const auto limit = taken ? kOwnerSilent + timeout_of(job->transaction) : Duration(kOwnerSilent);
+    const bool accepted = RequestAccess::accepted(*job);
+    const auto limit = accepted ? kOwnerSilent + timeout_of(job->transaction) : Duration(kOwnerSilent);
     if (now - job->begun <= limit) return;
     // The owner does not poll, or has stopped to poll.
-    fail(*job, taken ? MailboxErrorCode::service_in_work : MailboxErrorCode::no_more_memory, now);
+    fail(*job, accepted ? MailboxErrorCode::service_in_work : MailboxErrorCode::no_more_memory, now);
     put_away(std::move(job));
 }
 

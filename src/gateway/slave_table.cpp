@@ -75,7 +75,7 @@ void SlaveTable::end(bool polled) {
 bool SlaveTable::step(Moment now) {
     if (!reading_) return false;
     if (request_.busy()) {
-        if (now - asked_ > kOwnerSilent && !RequestAccess::taken(request_)) request_.cancel();
+        if (now - asked_ > kOwnerSilent && !RequestAccess::accepted(request_)) request_.cancel();
         if (request_.busy()) return false;
     }
     if (request_.state() != RequestState::success) {

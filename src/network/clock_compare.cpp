@@ -60,7 +60,7 @@ void Clocks::forget() {
     delays_at = Time::min();
     prepare = nullptr;
     watch = nullptr;
-    rests = rounds_old = 0;
+    retry_rounds = rounds_old = 0;
     is_near = nullptr;
     resume = nullptr;
     begin_cycles = nullptr;
@@ -394,10 +394,10 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave, ReturnToke
     }
     if (is_other()) co_return Error{.code = Errc::unstable, .slave = slave.number};
     if (std::abs(ahead) > kNear_ns || !clocks.of(slave).synchronised) {
-        constexpr std::uint8_t kRests = 100;
+        constexpr std::uint8_t kRetryRounds = 100;
         clocks.returning = 0;
-        clocks.paused = false;  // become_reference() itself stops the time
-        clocks.rests = kRests;  // if this fails
+        clocks.paused = false;               // become_reference() itself stops the time
+        clocks.retry_rounds = kRetryRounds;  // if this fails
         const bool sync = clocks.of(slave).sync_active;
         co_await required(become_reference(network, slave, ClockRate::own));
         if (sync) co_await required(prepare_clock(network, slave));
@@ -422,8 +422,8 @@ Task<Result<>> return_to_first_clock(Network& network) {
     constexpr std::uint16_t kAnnounced = UINT16_MAX;
     Clocks& clocks = network.clocks;
     const bool allowed = network.redundancy == nullptr || network.redundancy->may_restore();
-    const bool rests = clocks.rests != 0 && --clocks.rests != 0;
-    Slave* const first = allowed && !rests ? first_before_reference(network) : nullptr;
+    const bool waits = clocks.retry_rounds != 0 && --clocks.retry_rounds != 0;
+    Slave* const first = allowed && !waits ? first_before_reference(network) : nullptr;
     Result<bool> is_at_reference = false;
     if (first != nullptr) {
         if (clocks.measuring) co_return Nothing{};
@@ -447,8 +447,8 @@ Task<Result<>> return_to_first_clock(Network& network) {
 
 Task<Result<>> set_late_clock(Network& network) {
     Clocks& clocks = network.clocks;
-    constexpr std::uint8_t kRests = 100;
-    if (clocks.rests != 0 || clocks.returning != 0) co_return Nothing{};
+    constexpr std::uint8_t kRetryRounds = 100;
+    if (clocks.retry_rounds != 0 || clocks.returning != 0) co_return Nothing{};
     const auto slaves = network.slaves();
     for (std::size_t n = 0; n < slaves.size(); ++n) {
         Slave& slave = slaves[(clocks.late_first + n) % slaves.size()];
@@ -461,7 +461,7 @@ Task<Result<>> set_late_clock(Network& network) {
         clocks.late_first = slave.number;  // the next search begins with the slaves behind this slave
         auto set = co_await prepare_clock(network, slave);
         const Errc code = set ? Errc::none : set.error().code;
-        if (!set) clocks.rests = kRests;
+        if (!set) clocks.retry_rounds = kRetryRounds;
         if (std::exchange(clocks.late_error, code) != code && !set) network.note(set.error());
         co_return Nothing{};
     }

@@ -119,7 +119,7 @@ struct Clocks {
     std::uint8_t rounds_old = 0;    // rounds in which the delay of some clock was old
     Errc late_error = Errc::none;   // why the clock of a slave that came late was not set the last time
     std::uint16_t late_first = 0;   // index of the slave whose clock is tried first the next time
-    std::uint8_t rests = 0;         // rounds until a clock may be brought to the reference, after this has failed
+    std::uint8_t retry_rounds = 0;  // rounds until a clock may be brought to the reference, after this has failed
     bool all_in_sync = false;
     bool is_driven = false;        // times are written to the reference, which follows them
     bool is_paced = false;         // a MasterClock has set `paced_ns` since the last round of the watch

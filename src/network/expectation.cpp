@@ -13,13 +13,13 @@ using Expected = std::span<const ExpectedSlave>;
 
 bool fits(const Slave& slave, const ExpectedSlave& wanted) { return difference(slave, wanted).code == Errc::none; }
 
-bool is_head(Expected list, std::size_t n) {
+bool is_first_of_group(Expected list, std::size_t n) {
     return list[n].hot_connect != 0 && (n == 0 || list[n - 1].hot_connect != list[n].hot_connect);
 }
 
-std::size_t group_end(Expected list, std::size_t head) {
-    std::size_t end = head + 1;
-    while (end < list.size() && list[end].hot_connect == list[head].hot_connect) ++end;
+std::size_t group_end(Expected list, std::size_t first) {
+    std::size_t end = first + 1;
+    while (end < list.size() && list[end].hot_connect == list[first].hot_connect) ++end;
     return end;
 }
 
@@ -35,15 +35,16 @@ Slave* find_located(Network& network, const ExpectedSlave& wanted) {
     return found == slaves.end() ? nullptr : &*found;
 }
 
-// Assigns the slaves connected below this head to the members of its group: each slave is the next member that it can
-// be, or simply the next member if it can be none.
-void find_members(Network& network, std::size_t head, const Slave& first) {
+// Assigns the slaves connected below `first`, the first slave of a group, to the members of the group: each slave is
+// the next member that it can be, or simply the next member if it can be none. `entry`: the entry of `first` in the
+// list.
+void find_members(Network& network, std::size_t entry, const Slave& first) {
     const Expected list = network.expected;
-    const std::size_t end = group_end(list, head);
-    std::size_t next = head + 1;
+    const std::size_t end = group_end(list, entry);
+    std::size_t next = entry + 1;
     for (std::size_t place = first.ring_position + 1U; place <= network.count && next < end; ++place) {
         Slave& slave = network.slave(place);
-        if (slave.wanted != nullptr || group_above(network, slave.ring_position) != list[head].hot_connect) continue;
+        if (slave.wanted != nullptr || group_above(network, slave.ring_position) != list[entry].hot_connect) continue;
         std::size_t member = next;
         while (member < end && !fits(slave, list[member])) ++member;
         if (member == end) member = next;
@@ -59,10 +60,10 @@ void find_those_anywhere(Network& network) {
         if (Slave* slave = find_located(network, list[n])) slave->wanted = &list[n];
     }
     for (std::size_t n = 0; n < list.size(); ++n) {
-        if (!is_head(list, n)) continue;
+        if (!is_first_of_group(list, n)) continue;
         const auto slaves = network.slaves();
-        const auto head = std::ranges::find(slaves, &list[n], &Slave::wanted);
-        if (head != slaves.end()) find_members(network, n, *head);
+        const auto first = std::ranges::find(slaves, &list[n], &Slave::wanted);
+        if (first != slaves.end()) find_members(network, n, *first);
     }
 }
 
@@ -140,7 +141,7 @@ void make_missing(Network& network, std::size_t number) {
 Result<> check_expected(std::span<const ExpectedSlave> expected) {
     for (std::size_t n = 0; n < expected.size(); ++n) {
         const ExpectedSlave& wanted = expected[n];
-        const bool member = wanted.hot_connect != 0 && !is_head(expected, n);
+        const bool member = wanted.hot_connect != 0 && !is_first_of_group(expected, n);
         const bool known = wanted.number != 0 || wanted.alias || wanted.device_id || member;
         bool right = known && (wanted.hot_connect == 0 || wanted.number == 0) && !is_reserved(wanted.station_address);
         for (std::size_t before = 0; before < n && right; ++before) {
@@ -193,7 +194,7 @@ Error difference(const Slave& slave, const ExpectedSlave& wanted) {
 
 bool is_located(Expected list, const ExpectedSlave& wanted) {
     return wanted.number == 0 &&
-           (wanted.hot_connect == 0 || is_head(list, static_cast<std::size_t>(&wanted - list.data())));
+           (wanted.hot_connect == 0 || is_first_of_group(list, static_cast<std::size_t>(&wanted - list.data())));
 }
 
 bool locates(const ExpectedSlave& wanted, const Slave& slave) {

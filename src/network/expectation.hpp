@@ -35,11 +35,11 @@ void compare_with_expected(Network& network, FirstFault& faults);
 // The first difference between the slave and the expected one; code none when there is none.
 [[nodiscard]] Error difference(const Slave& slave, const ExpectedSlave& wanted);
 
-// Whether `wanted`, an element of `list`, may be at any place of the ring: the head of a group, or a slave that is
-// known by its alias or device id.
+// Whether `wanted`, an element of `list`, may be at any place of the ring: the first slave of a group, or a slave that
+// is known by its alias or device id.
 [[nodiscard]] bool is_located(std::span<const ExpectedSlave> list, const ExpectedSlave& wanted);
 // Whether the slave may be absent: the list says so, or its configuration, which the application may have set anew
-// since the scan. A member of a hot connect group may be absent with its head.
+// since the scan. A member of a hot connect group may be absent with the first slave of the group.
 [[nodiscard]] inline bool is_optional(const Slave& slave) {
     return slave.config.optional ||
            (slave.wanted != nullptr && (slave.wanted->optional || slave.wanted->hot_connect != 0));
@@ -51,8 +51,8 @@ void compare_with_expected(Network& network, FirstFault& faults);
 [[nodiscard]] std::uint8_t group_above(Network& network, std::uint16_t place);
 
 // Checks whether a slave that was away is still in its hot connect group. The slave keeps its station address as long
-// as it has power, and may have been connected behind the head of another group meanwhile. Errors besides the errors of
-// reading the ring: other_slave, unstable.
+// as it has power, and may have been connected behind the first slave of another group meanwhile. Errors besides the
+// errors of reading the ring: other_slave, unstable.
 [[nodiscard]] Task<Result<>> compare_group(Network& network, const Slave& slave);
 
 }  // namespace margay

@@ -20,7 +20,7 @@ Task<Result<>> compare_group(Network& network, const Slave& slave) {
     if (slave.ring_position == 0) co_return error;
     const std::uint8_t group = group_above(network, slave.ring_position);
     if (group == slave.wanted->hot_connect) co_return Nothing{};
-    // The head of the group may be on the other side of the break.
+    // The first slave of the group may be on the other side of the break.
     if (group == 0 && is_below_break(network.seen_ring(), slave.ring_position)) co_return Nothing{};
     error.code = Errc::other_slave;
     error.subindex = static_cast<std::uint8_t>(IdentityField::hot_connect);

@@ -154,11 +154,11 @@ void leave_counters(Network& network, Slave& slave) {
     settle(*group);
 }
 
-bool is_head_of_group(Network& network, const Slave& slave) {
+bool is_first_of_group(Network& network, const Slave& slave) {
     return slave.wanted != nullptr && slave.wanted->hot_connect != 0 && is_located(network.expected, *slave.wanted);
 }
 
-bool head_is_there(const Network& network, std::uint8_t hot_connect) {
+bool first_of_group_is_there(const Network& network, std::uint8_t hot_connect) {
     return std::ranges::any_of(network.slaves(), [&](const Slave& s) {
         return s.al.state != AlState::none && s.wanted != nullptr && s.wanted->hot_connect == hot_connect &&
                is_located(network.expected, *s.wanted);
@@ -170,7 +170,7 @@ void leave_exchange(Network& network, Slave& lost) {
     set_takes_part(network, lost, false);
     network.marks(lost).uncertain = false;
     if (lost.wanted == nullptr || lost.wanted->hot_connect == 0) return;
-    if (head_is_there(network, lost.wanted->hot_connect)) return;
+    if (first_of_group_is_there(network, lost.wanted->hot_connect)) return;
     for (Slave& slave : network.slaves()) {
         if (slave.wanted == nullptr || slave.wanted->hot_connect != lost.wanted->hot_connect) continue;
         network.marks(slave).missing_reported = false;

@@ -57,14 +57,15 @@ void begin_counting(Network& network, ProcessGroup& group);
 // Call it when the slave leaves its group: the group continues without it.
 void leave_counters(Network& network, Slave& slave);
 
-// Members of a hot connect group are counted while the head is present, except while the group starts up after it was
-// connected. await_slave(): the member has taken part, has failed to, or should have come with its head.
-[[nodiscard]] bool is_head_of_group(Network& network, const Slave& slave);
-[[nodiscard]] bool head_is_there(const Network& network, std::uint8_t hot_connect);
+// Members of a hot connect group are counted while the first slave of the group is present, except while the group
+// starts up after it was connected. await_slave(): the member has taken part, has failed to, or should have come with
+// the first slave of its group.
+[[nodiscard]] bool is_first_of_group(Network& network, const Slave& slave);
+[[nodiscard]] bool first_of_group_is_there(const Network& network, std::uint8_t hot_connect);
 void await_slave(Network& network, Slave& slave);
 
-// Call it when a slave is lost, after slave.al is NONE: the slave does not take part, and mail to it ends. Without its
-// head the whole hot connect group may be missing.
+// Call it when a slave is lost, after slave.al is NONE: the slave does not take part, and mail to it ends. Without the
+// first slave the whole hot connect group may be missing.
 void leave_exchange(Network& network, Slave& lost);
 
 // Call it when a slave that was `unplaced` has no process data.

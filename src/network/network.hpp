@@ -141,10 +141,10 @@ struct Network {
     std::span<SlaveMarks> mark_table;
     std::uint16_t count = 0;  // slaves in the table: found, or expected
     std::span<RingPlace> ring;
-    std::uint16_t ring_count = 0;     // slaves in the ring when it was last read
-    RingParts parts_read;             // where the ring was broken then
-    std::uint16_t stranger_mark = 0;  // station address of slaves that are unknown and reported
-    std::size_t tasks;                // number of slaves that are processed at the same time
+    std::uint16_t ring_count = 0;        // slaves in the ring when it was last read
+    RingParts parts_read;                // where the ring was broken then
+    std::uint16_t stranger_address = 0;  // station address of slaves that are unknown and reported
+    std::size_t tasks;                   // number of slaves that are processed at the same time
     ScanSettings settings;
     ProcessTables process;
     WritableRing<Error> errors;  // these three: without memory until use() gives it to them
@@ -184,14 +184,14 @@ struct Network {
     Error supervision_error;         // why it has ended
     bool segment_in_use = false;     // a request that needs the whole segment is executing
     bool segment_wanted = false;     // such a request waits
-    bool group_is_back = false;      // the head of a hot connect group is back: its members should come with it
+    bool group_is_back = false;      // the first slave of a hot connect group is back: its members should come with it
     bool supervision_turn =
         false;  // such a request has ended: the supervision has its turn before the next such request begins
     std::uint16_t slave_of_cut_hook = 0;  // a sequence was destroyed while it waited for the hook of this slave
-    bool rested = false;  // before its last roll the supervision rested longer than kBelieved, as its request says
+    bool slept_long = false;  // before its last roll the supervision slept longer than kBelieved, as its request says
     bool silence_noted = false;  // doubt_after_silence() is due: in the next poll(), outside all sequences
     List<SlaveWork> works;       // at most one for each slave
-    Engine::Sleep::Timer* supervision_sleep = nullptr;  // while the supervision rests between two rounds
+    Engine::Sleep::Timer* supervision_sleep = nullptr;  // while the supervision sleeps between two rounds
     bool in_run_cycle = false;  // groups that were mapped before a scan are missing until they are mapped again
     bool reaching = false;      // reach() has started the supervision itself
     bool topology_read = true;  // when the ring was read last, all its ports have led to a slave or to a NIC
@@ -208,10 +208,10 @@ struct Network {
     }
     // The slaves were not looked at for so long that one may have been exchanged for another one in the same state.
     [[nodiscard]] bool is_unobserved() const { return later(compared, kBelieved) < engine.now(); }
-    // The supervision compares this slave because of its own rest: until an attempt fails the slave counts as it was,
-    // so that what_is_wrong() does not change with each roll.
+    // The supervision compares this slave because of its own long interval: until an attempt fails the slave counts as
+    // it was, so that what_is_wrong() does not change with each roll.
     [[nodiscard]] bool is_believed(const Slave& slave) const {
-        return supervised && rested && !marks(slave).was_away && marks(slave).attempts == 0;
+        return supervised && slept_long && !marks(slave).was_away && marks(slave).attempts == 0;
     }
     // The slaves were compared with the list that expect() has set last.
     [[nodiscard]] bool is_expected_list() const { return !expected_is_new; }

@@ -139,7 +139,7 @@ Verdict identify_as_expected(Network& network, std::uint16_t n) {
 }
 
 StationAddress newcomer_address(const Network& network) {
-    constexpr std::uint16_t kNewcomers = 0x0D00;  // below the marks of unknown slaves
+    constexpr std::uint16_t kNewcomers = 0x0D00;  // below the addresses of unknown slaves
     return {static_cast<std::uint16_t>(kNewcomers | network.newcomers)};
 }
 
@@ -185,13 +185,14 @@ Task<Result<>> address_newcomer(Network& network, std::uint16_t n) {
     store_le<std::uint16_t>(after, 0, newcomer_address(network).value);
     Link& link = network.engine.link();
     Datagram count(link, wire::Command::BRD, {std::uint16_t{0}, reg::kType.address}, MutableBytes(type));
-    Datagram head(link, wire::Command::APRD, {RingPosition{parent}, reg::kStationAddress.address}, MutableBytes(above));
+    Datagram upper(link, wire::Command::APRD, {RingPosition{parent}, reg::kStationAddress.address},
+                   MutableBytes(above));
     Datagram guest(link, wire::Command::FPRD, {newcomer_address(network), reg::kType.address}, MutableBytes(other));
     Datagram look(link, wire::Command::APRD, {at, reg::kStationAddress.address}, MutableBytes(before), Repeat::no);
     Datagram write(link, wire::Command::APWR, {at, reg::kStationAddress.address}, Bytes(after), Repeat::no);
-    co_await together(count, head, guest, look, write);
+    co_await together(count, upper, guest, look, write);
     bool came = true;
-    for (const Datagram* d : {&count, &head, &guest, &look, &write}) came &= d->reply().ok();
+    for (const Datagram* d : {&count, &upper, &guest, &look, &write}) came &= d->reply().ok();
     const bool same = count.reply().wkc == network.ring_count && guest.reply().wkc == 0 &&
                       load_le<std::uint16_t>(above) == network.ring[parent].address &&
                       load_le<std::uint16_t>(before) == network.ring[n].address &&

@@ -27,8 +27,8 @@ namespace margay {
 
 // Gives newcomer_address() to the slave at place `n` of the ring, counted from 0. The same frame checks that the ring
 // is as it was read: the number of slaves, the address of the newcomer and that of the slave above it, which may be the
-// head of its group; and that no slave has the newcomer's address. Otherwise the slave gets its previous address back.
-// Errors: unstable.
+// first slave of its group; and that no slave has the newcomer's address. Otherwise the slave gets its previous address
+// back. Errors: unstable.
 [[nodiscard]] Task<Result<>> address_newcomer(Network& network, std::uint16_t n);
 
 // Reads the identity of the newcomer into Network::guest. The whole SII is read only if a lost slave is recognised by
@@ -72,13 +72,13 @@ struct Verdict {
 // of the hot connect group above the place. Neither `slave` nor `instead_of`: nothing is expected.
 [[nodiscard]] Verdict identify_as_expected(Network& network, std::uint16_t n);
 
-// The station addresses of unknown slaves, below Network::stranger_mark, which is the address of a slave that was
+// The station addresses of unknown slaves, below Network::stranger_address, which is the address of a slave that was
 // reported.
-namespace stranger_mark {
+namespace stranger_address {
 inline constexpr std::uint16_t kSuspect = 0x0100;  // was found once
 // The slave is identified as soon as its neighbour is known, or as soon as the other lost slaves are present.
 inline constexpr std::uint16_t kUndecided = 0x0300;
-}  // namespace stranger_mark
+}  // namespace stranger_address
 
 // Finds the slave that the newcomer at place `n` is. A ring that changes while it is read shows a slave twice, or in a
 // place that the slave has left; and a slave may be readmitted while the newcomer is read. The newcomer is that slave

@@ -10,13 +10,13 @@ namespace {
 
 bool of_the_line(const Slave& slave) { return slave.wanted == nullptr || slave.wanted->number != 0; }
 
-bool is_marked(const Network& network, const RingPlace& place, std::uint16_t below) {
-    return network.stranger_mark != 0 && place.address == network.stranger_mark - below;
+bool has_stranger_address(const Network& network, const RingPlace& place, std::uint16_t below) {
+    return network.stranger_address != 0 && place.address == network.stranger_address - below;
 }
 
 // Whether the slave at this place was identified, and is no slave of the line.
 bool is_stranger(const Network& network, const RingPlace& place) {
-    return is_marked(network, place, 0) || is_marked(network, place, stranger_mark::kSuspect);
+    return has_stranger_address(network, place, 0) || has_stranger_address(network, place, stranger_address::kSuspect);
 }
 
 // The part of the line between two known slaves that contains the newcomer.
@@ -191,11 +191,12 @@ Verdict choose_by_place(Network& network, std::size_t n) {
     if (lost.unsettled) return {};
     // The device was reported as a stranger while an equal slave was present. So the device is not this slave, although
     // the slave is lost now.
-    const bool stranger = is_marked(network, place, 0);
+    const bool stranger = has_stranger_address(network, place, 0);
     if (!stranger && lost.same[0] != nullptr && lost.same[1] == nullptr) return {.slave = lost.same[0]};
     const bool all_are_there = !stranger && lost.in_order != nullptr && lost.count == gap.there;
-    const bool others_were_asked = is_marked(network, place, stranger_mark::kUndecided) ||
-                                   is_marked(network, place, stranger_mark::kUndecided + stranger_mark::kSuspect);
+    const bool others_were_asked =
+        has_stranger_address(network, place, stranger_address::kUndecided) ||
+        has_stranger_address(network, place, stranger_address::kUndecided + stranger_address::kSuspect);
     const bool one_was_here = lost.here[0] != nullptr && lost.here[1] == nullptr;
     if (all_are_there) {
         if (!one_was_here || lost.here[0] == lost.in_order || others_were_asked) return {.slave = lost.in_order};

@@ -417,10 +417,10 @@ Task<Result<>> RingWatch::watch_clocks(Network& network) {
         co_await required(change_second(network, wanted));
     }
     if (second_ == 0 || second_is_first_) co_return Nothing{};
-    if (needs_lesson(network) && now.whole && may_teach(network) && rests_-- == 0) {
+    if (needs_lesson(network) && now.whole && may_teach(network) && lesson_rounds_-- == 0) {
         const auto taught = co_await teach(network);
-        constexpr std::uint8_t kRestsSoon = 20;  // the lesson was broken off
-        rests_ = taught ? UINT8_MAX : kRestsSoon;
+        constexpr std::uint8_t kRetryRounds = 20;  // the lesson was broken off
+        lesson_rounds_ = taught ? UINT8_MAX : kRetryRounds;
         // The constant is measured anew: a constant of clocks that were not in step would lead the clocks back.
         learns_ = comparison_ == Comparison::unsure;
         if (learns_) comparison_ = Comparison::unknown;

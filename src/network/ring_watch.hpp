@@ -154,7 +154,7 @@ class RingWatch final : public RedundancyPart {
     Comparison comparison_ = Comparison::unknown;
     std::uint16_t compared_behind_ = 0;  // how many slaves were behind the break when the constant was measured
     std::uint32_t taught_ways_ = 0;      // Redundancy::ways() before teach() began
-    std::uint8_t rests_ = 0;             // rounds until teach() runs again
+    std::uint8_t lesson_rounds_ = 0;     // rounds until teach() runs again
     bool carried_ = false;  // the constant has ended; the second reference still has its difference and its rate
     bool learns_ = false;   // a lesson has ended, and the second reference is not in step yet
     std::uint8_t rounds_unsettled_ = 0;  // rounds in which frames have passed slaves that are not brought back yet

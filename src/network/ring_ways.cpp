@@ -308,7 +308,7 @@ Task<Result<>> RingWatch::find_constant(Network& network) {
         // clocks in step. Behind a break the clocks keep their difference, and are not in sync.
         begin_to_steer(network);
         comparison_ = Comparison::unsure;
-        if (!std::exchange(learns_, false)) rests_ = 0;
+        if (!std::exchange(learns_, false)) lesson_rounds_ = 0;
         co_return Nothing{};
     }
     if (!is_in_step(network)) {

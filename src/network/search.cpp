@@ -132,12 +132,12 @@ void report_rivals(Network& network, std::uint16_t n, const Verdict& verdict) {
     network.report(event);
 }
 
-// An unknown slave gets a mark as its station address. The slave is reported when it is found for the second time,
+// An unknown slave gets the station address of strangers. The slave is reported when it is found for the second time,
 // because a ring that changes while it is read can mislead the search. After that, the slave is not reported again.
-Task<Result<>> mark_stranger(Network& network, std::uint16_t n, const Verdict* verdict) {
-    using stranger_mark::kSuspect;
-    using stranger_mark::kUndecided;
-    const std::uint16_t reported = network.stranger_mark;
+Task<Result<>> address_stranger(Network& network, std::uint16_t n, const Verdict* verdict) {
+    using stranger_address::kSuspect;
+    using stranger_address::kUndecided;
+    const std::uint16_t reported = network.stranger_address;
     const std::uint16_t before = network.ring[n].address;
     const bool rivals = verdict->rivals[0] != nullptr;
     const bool waits = rivals || !neighbour_is_known(network, n);
@@ -147,9 +147,9 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, const Verdict* v
     const bool again =
         reported != 0 && (before == reported - kSuspect - kUndecided || (before == reported - kSuspect && !rivals));
     const auto suspect = static_cast<std::uint16_t>(at_once || again || known ? 0 : kSuspect);
-    const auto mark = static_cast<std::uint16_t>(reported - undecided - suspect);
-    co_await required(rename(network, network.guest.station_address, mark));
-    network.ring[n].address = mark;
+    const auto address = static_cast<std::uint16_t>(reported - undecided - suspect);
+    co_await required(rename(network, network.guest.station_address, address));
+    network.ring[n].address = address;
     Slave* const instead_of = verdict->instead_of;
     if (known && instead_of != nullptr) instead_of->error = guest_error(network, *instead_of);
     if (!at_once && !again) co_return Nothing{};
@@ -162,8 +162,8 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, const Verdict* v
     co_return Nothing{};
 }
 
-// A newcomer below an unidentified slave cannot be identified: the slave above may be the head of its group. The slaves
-// between the second NIC and a break are identified before the slaves above them: see place_of_turn().
+// A newcomer below an unidentified slave cannot be identified: the slave above may be the first slave of its group. The
+// slaves between the second NIC and a break are identified before the slaves above them: see place_of_turn().
 bool below_unasked(Network& network, std::size_t n) {
     if (network.ring[n].behind_break) return false;
     for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
@@ -213,7 +213,7 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
         co_return asked ? verdict.error() : asked.error();
     }
     if (verdict->slave == nullptr) {
-        auto dismissed = co_await mark_stranger(network, n, &*verdict);
+        auto dismissed = co_await address_stranger(network, n, &*verdict);
         co_return dismissed ? Result<bool>(false) : Result<bool>(dismissed.error());
     }
     auto admitted = co_await assign_slave_address(network, n, *verdict->slave);
@@ -288,16 +288,16 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
 
 // If slaves are in different states, the OR of all states hides the change of a slave from one of these states to
 // another one. A lost slave that has kept its power may come back when another slave leaves. In both cases, the looks
-// follow each other closely. The pause is 4 times as long as a look, if `retry` is not shorter, so that mailboxes keep
-// most of the acyclic traffic.
+// follow each other closely. The time between two looks is 4 times as long as a look, if `retry` is not shorter, so
+// that mailboxes keep most of the acyclic traffic.
 Time next_look(Network& network, const SuperviseRequest& wanted, Time begun, unsigned al_status) {
     const Time now = network.engine.now();
     const bool may_come_back = std::ranges::any_of(network.slaves(), [](const Slave& slave) {
         return slave.al.state == AlState::none && slave.seen && exchanges(slave);
     });
     const bool hides = may_come_back || std::popcount(al_status & 0x1FU) > 1;
-    const Duration rest = hides ? std::max(wanted.interval, 4 * (now - begun)) : wanted.retry;
-    return later(now, std::min(rest, wanted.retry));
+    const Duration interval = hides ? std::max(wanted.interval, 4 * (now - begun)) : wanted.retry;
+    return later(now, std::min(interval, wanted.retry));
 }
 
 void note_lost(Network& network, Slave& slave) {
@@ -410,7 +410,7 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     slave.al = now;
     update_mailbox(network, slave);
     network.marks(slave).attempts = 0;
-    network.group_is_back |= is_head_of_group(network, slave);
+    network.group_is_back |= is_first_of_group(network, slave);
     network.marks(slave).uncertain = false;
     if (!mapped || now.state == AlState::init || !slave.seen) co_return Nothing{};
     set_takes_part(network, slave, true);

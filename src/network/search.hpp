@@ -35,9 +35,9 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
 [[nodiscard]] Task<Result<AlStatus>> read_anew(Network& network, Slave& slave);
 
 // Compares the identity of the slave that answers at the address of `slave` with the known identity. For a member of a
-// hot connect group that was away, also checks that it is behind the head of its group. If another slave answers, it
-// loses its FMMUs and its station address, so that find_lost() identifies it, and `slave` is lost. Errors: other_slave,
-// the errors of reading the SII.
+// hot connect group that was away, also checks that it is behind the first slave of its group. If another slave
+// answers, it loses its FMMUs and its station address, so that find_lost() identifies it, and `slave` is lost. Errors:
+// other_slave, the errors of reading the SII.
 [[nodiscard]] Task<Result<>> prove(Network& network, Slave& slave);
 
 // The same as prove() before a request of the application changes the state of the slave, where the identity is not

@@ -198,7 +198,7 @@ Task<Result<>> search(Watch& watch) {
     co_return Nothing{};
 }
 
-// Reports members of hot connect groups that have not come with their heads.
+// Reports members of hot connect groups that have not come with the first slaves of their groups.
 void report_missing(Watch& watch) {
     Network& network = watch.network;
     watch.groups_at = kNever;
@@ -254,9 +254,9 @@ constexpr std::uint32_t kFewFrames = 4;
 constexpr Duration kSilence = std::chrono::milliseconds(60);
 constexpr Duration kShortSilence = std::chrono::milliseconds(30);
 
-// The pause between two rolls. Overlapping cycles carry no rolls, and Link::cycling() does not count these cycles: so
+// The time between two rolls. Overlapping cycles carry no rolls, and Link::cycling() does not count these cycles: so
 // beside overlapping cycles a roll is sent every millisecond.
-Duration rest_between(const Watch& watch, Time now) {
+Duration roll_interval(const Watch& watch, Time now) {
     constexpr Duration kBesideOverlapped = std::chrono::milliseconds(1);
     constexpr Duration kCycles = std::chrono::milliseconds(10);
     Link& link = watch.network.engine.link();
@@ -271,8 +271,8 @@ void doubt_after_silence(Watch& watch) {
     Network& network = watch.network;
     const std::uint32_t lost = network.engine.link().take_longest_silence();
     const Time now = network.engine.now();
-    const Duration rest = rest_between(watch, now);
-    const auto silent_for = [&](Duration time) { return now > later(network.states_read, rest + time); };
+    const Duration interval = roll_interval(watch, now);
+    const auto silent_for = [&](Duration time) { return now > later(network.states_read, interval + time); };
     const bool silent = lost >= kSilentFrames || (lost >= kFewFrames && silent_for(kSilence));
     if (!silent && (lost == 0 || !silent_for(kShortSilence))) return;
     watch.last = {};
@@ -405,8 +405,8 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     (void)count_lost_frames(watch);
     const Time now = network.engine.now();
     const Time latest = later(later(network.compared, watch.wanted.interval), std::chrono::milliseconds(100));
-    network.rested = network.is_unobserved() && now <= latest;  // false if the application has paused
-    if (network.is_unobserved()) {                              // the slaves may belong to another machine now
+    network.slept_long = network.is_unobserved() && now <= latest;  // false if the application has paused
+    if (network.is_unobserved()) {                                  // the slaves may belong to another machine now
         watch.last = {};
         doubt_all(network, false);
     }
@@ -440,13 +440,13 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
 }
 
 // The sleep between two rounds; a request that gives the supervision its turn ends it.
-struct Rest {
-    Rest(Network& n, Duration duration) : network(n), until_woken(n.engine.sleep_for(duration)) {
+struct RoundSleep {
+    RoundSleep(Network& n, Duration duration) : network(n), until_woken(n.engine.sleep_for(duration)) {
         network.supervision_sleep = &until_woken.timer;
     }
-    Rest(const Rest&) = delete;
-    Rest& operator=(const Rest&) = delete;
-    ~Rest() { network.supervision_sleep = nullptr; }
+    RoundSleep(const RoundSleep&) = delete;
+    RoundSleep& operator=(const RoundSleep&) = delete;
+    ~RoundSleep() { network.supervision_sleep = nullptr; }
     Network& network;
     Engine::Sleep until_woken;
 };
@@ -470,8 +470,8 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     // The last supervision ended in a silence.
     if (std::exchange(network.silent, false)) network.compared = Time::min();
     // With supervisions that are submitted repeatedly, slaves that never recover must not block the other slaves.
-    if (network.count != 0) watch.next_helped = (network.stranger_mark & 0xFFU) % network.count;
-    network.stranger_mark = static_cast<std::uint16_t>(0x0F00 | ((network.stranger_mark + 1) & 0xFF));
+    if (network.count != 0) watch.next_helped = (network.stranger_address & 0xFFU) % network.count;
+    network.stranger_address = static_cast<std::uint16_t>(0x0F00 | ((network.stranger_address + 1) & 0xFF));
     for (Slave& slave : network.slaves()) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = AlState::none;
@@ -486,9 +486,9 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
             watch.lines_at = later(now, wanted.line_interval);
             (void)crew.start(read_all_line_errors(network, wanted.line_errors));
         }
-        const Duration rest = rest_between(watch, network.engine.now());
-        if (rest <= Duration{0}) continue;
-        Rest sleep(network, rest);
+        const Duration interval = roll_interval(watch, network.engine.now());
+        if (interval <= Duration{0}) continue;
+        RoundSleep sleep(network, interval);
         co_await sleep.until_woken;
     }
 }

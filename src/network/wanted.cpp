@@ -17,7 +17,7 @@ namespace {
 
 Error fault(const Slave& slave, Errc code, Step step) { return {.code = code, .step = step, .slave = slave.number}; }
 
-// Whether an expected slave may be missing even while the head of its hot connect group is present.
+// Whether an expected slave may be missing even while the first slave of its hot connect group is present.
 bool may_be_missing(const ExpectedSlave& wanted) {
     return wanted.optional || (wanted.config != nullptr && wanted.config->optional);
 }
@@ -78,7 +78,7 @@ Error held_error(const Slave& slave, Step step) {
 bool may_be_missing(const Network& network, const Slave& slave) {
     if (slave.wanted == nullptr) return slave.config.optional;
     if (slave.wanted->hot_connect != 0 && !slave.wanted->optional)
-        return !head_is_there(network, slave.wanted->hot_connect);
+        return !first_of_group_is_there(network, slave.wanted->hot_connect);
     return is_optional(slave);
 }
 
@@ -148,7 +148,7 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
     const bool nobody = (slave.held && slave.unexpected) || unknown;
     const bool absent = slave.wanted != nullptr && !slave.seen && network.tolerance.missing_slaves;
     const bool awaited = slave.wanted != nullptr && slave.wanted->hot_connect != 0 && network.marks(slave).awaited &&
-                         !may_be_missing(*slave.wanted) && head_is_there(network, slave.wanted->hot_connect);
+                         !may_be_missing(*slave.wanted) && first_of_group_is_there(network, slave.wanted->hot_connect);
     const bool leaving = slave.image.group != slave.config.group && is_being_mapped(network, slave);
     const bool refused = !is_highest(slave.config.highest);
     return (!is_optional(slave) || awaited) && !leaving && !nobody && !absent &&

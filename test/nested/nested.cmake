@@ -135,6 +135,13 @@ margay_nested(install/subdirectory_builds ${gcc_Debug} FIXTURE subdirectory COST
 add_test(NAME install/compat_needs COMMAND ${CMAKE_COMMAND} -S ${PROJECT_SOURCE_DIR} -B ${PROJECT_BINARY_DIR}/nested/compat_needs
          -DMARGAY_TESTS=OFF -DMARGAY_SAMPLES=OFF -DMARGAY_PCAP=OFF -DMARGAY_COMPAT=ON)
 set_tests_properties(install/compat_needs PROPERTIES PASS_REGULAR_EXPRESSION "MARGAY_COMPAT needs MARGAY_LINUX, MARGAY_PCAP")
+# A value that an option does not know is an error, too.
+add_test(NAME install/sanitize_values COMMAND ${CMAKE_COMMAND} -S ${PROJECT_SOURCE_DIR}
+         -B ${PROJECT_BINARY_DIR}/nested/sanitize_values -DMARGAY_TESTS=OFF -DMARGAY_SAMPLES=OFF -DMARGAY_SANITIZE=memory)
+set_tests_properties(install/sanitize_values PROPERTIES PASS_REGULAR_EXPRESSION "MARGAY_SANITIZE must be one of OFF, address, ON, thread")
+add_test(NAME install/unity_values COMMAND ${CMAKE_COMMAND} -S ${PROJECT_SOURCE_DIR}
+         -B ${PROJECT_BINARY_DIR}/nested/unity_values -DMARGAY_TESTS=OFF -DMARGAY_SAMPLES=OFF -DMARGAY_UNITY=nonsense)
+set_tests_properties(install/unity_values PROPERTIES PASS_REGULAR_EXPRESSION "MARGAY_UNITY must be one of OFF, tests, ON")
 
 # For an embedded system: the parts, the programs for a board of QEMU, which test/qemu executes, and a program for each
 # feature of the master. All three tests use the same archives.

@@ -56,14 +56,14 @@ inline std::string eni_of_two_groups() {
     return written.text;
 }
 
-// An ENI with a hot connect group of the last `members` slaves. The alias of the head identifies the group.
+// An ENI with a hot connect group of the last `members` slaves. The alias of the first of them identifies the group.
 inline std::string eni_with_group(const std::string& segment, std::uint16_t slaves, std::uint16_t alias,
                                   std::uint16_t members = 1) {
     std::vector<ExpectedSlave> list(slaves);
-    const auto head = static_cast<std::uint16_t>(slaves - members);
-    for (std::uint16_t n = 0; n < head; ++n) list[n].number = static_cast<std::uint16_t>(n + 1);
-    for (std::uint16_t n = head; n < slaves; ++n) list[n].hot_connect = 1;
-    list[head].alias = alias;
+    const auto first = static_cast<std::uint16_t>(slaves - members);
+    for (std::uint16_t n = 0; n < first; ++n) list[n].number = static_cast<std::uint16_t>(n + 1);
+    for (std::uint16_t n = first; n < slaves; ++n) list[n].hot_connect = 1;
+    list[first].alias = alias;
     auto source = samples::open_source("sim:" + segment);
     EXPECT_TRUE(source) << source.error();
     HostContext ctx;

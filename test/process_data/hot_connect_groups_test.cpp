@@ -4,7 +4,7 @@
 namespace margay {
 namespace {
 
-// Two groups of two slaves. Their heads are identified by alias 0x0010 and by device ID 7.
+// Two groups of two slaves. Their first slaves are identified by alias 0x0010 and by device ID 7.
 struct Groups {
     std::uint32_t a = 0, a2 = 0, b = 0, b2 = 0;
 };
@@ -21,11 +21,11 @@ class HotConnectGroups : public HotConnectTest {
         g.b2 = make({.product = 0x201});
         ASSERT_TRUE(segment.connect({g.a, 1}, {g.a2, 0}));
         ASSERT_TRUE(segment.connect({g.b, 1}, {g.b2, 0}));
-        expected = {at(1, 0x100), at(2, 0x101), at(3, 0x102), head(1), member(1), head(2), member(2)};
+        expected = {at(1, 0x100), at(2, 0x101), at(3, 0x102), first(1), member(1), first(2), member(2)};
         expected[3].alias = std::uint16_t{0x0010};
         expected[5].device_id = std::uint16_t{7};
     }
-    static ExpectedSlave head(std::uint8_t group) {
+    static ExpectedSlave first(std::uint8_t group) {
         return {.vendor = kVendor, .product = 0x200, .hot_connect = group, .config = &kIo};
     }
     static ExpectedSlave member(std::uint8_t group) {
@@ -159,7 +159,7 @@ TEST_F(HotConnectGroups, AMissingMemberIsTold) {
                                       .detail = Error::kOthersFresh,
                                       .expected = 15,
                                       .actual = 12}));
-    EXPECT_EQ(told(events(), "slave 5: missing, though the head of its group, slave 4, is there"), 1);
+    EXPECT_EQ(told(events(), "slave 5: missing, though the first slave of its group, slave 4, is there"), 1);
     // When the slave arrives, it belongs to the group.
     ASSERT_TRUE(segment.connect({g.a, 1}, {g.a2, 0}));
     power(g.a2, true);
@@ -211,15 +211,16 @@ TEST_F(HotConnectGroups, AMemberMayBeMissingTwice) {
         ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
         cycles(2000);
         EXPECT_EQ(cycle().error().code, Errc::working_counter) << time;
-        EXPECT_EQ(told(events(), "slave 5: missing, though the head of its group, slave 4, is there"), 1) << time;
+        EXPECT_EQ(told(events(), "slave 5: missing, though the first slave of its group, slave 4, is there"), 1)
+            << time;
         pull(g.a);
         cycles(100);
         EXPECT_EQ(*cycle(), 9U) << time;
     }
 }
 
-// The head comes back with its station address, because it has kept its power. Its member does not come back.
-TEST_F(HotConnectGroups, AHeadThatKeptItsPowerComesWithoutItsMember) {
+// The first slave comes back with its station address, because it has kept its power. Its member does not come back.
+TEST_F(HotConnectGroups, AFirstSlaveThatKeptItsPowerComesWithoutItsMember) {
     plug({line[0], 2}, g.a);
     EXPECT_EQ(bring_up(expected), Sentences());
     run();
@@ -233,17 +234,19 @@ TEST_F(HotConnectGroups, AHeadThatKeptItsPowerComesWithoutItsMember) {
     ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
     cycles(2000);
     const auto story = events();
-    EXPECT_EQ(told(story, "slave 5: missing, though the head of its group, slave 4, is there"), 1) << joined(story);
+    EXPECT_EQ(told(story, "slave 5: missing, though the first slave of its group, slave 4, is there"), 1)
+        << joined(story);
     EXPECT_EQ(cycle().error().code, Errc::working_counter);
 }
 
-// Only the head is lost for a moment, and its member continues. Afterwards a loss of the member is a fault again.
-TEST_F(HotConnectGroups, AMemberThatWentOnWithoutItsHeadIsMissedLater) {
+// Only the first slave is lost for a moment, and its member continues. Afterwards a loss of the member is a fault
+// again.
+TEST_F(HotConnectGroups, AMemberThatWentOnWithoutTheFirstSlaveIsMissedLater) {
     plug({line[0], 2}, g.a);
     EXPECT_EQ(bring_up(expected), Sentences());
     run();
     EXPECT_EQ(*cycle(), 15U);
-    segment.slave(g.a).registers().set<std::uint16_t>(0x0010, 0);  // the head loses its address
+    segment.slave(g.a).registers().set<std::uint16_t>(0x0010, 0);  // the first slave loses its address
     segment.reconsider();
     cycles(3000);
     EXPECT_EQ(told(events(), "slave 4: lost, it was in OP"), 1);
@@ -257,8 +260,8 @@ TEST_F(HotConnectGroups, AMemberThatWentOnWithoutItsHeadIsMissedLater) {
     EXPECT_EQ(what_is_wrong(*ctx).slave, 5);
 }
 
-// A connector bounces: the member is back before its head is identified, then the group is disconnected again.
-TEST_F(HotConnectGroups, AMemberThatComesBeforeItsHeadAndGoes) {
+// A connector bounces: the member is back before the first slave is identified, then the group is disconnected again.
+TEST_F(HotConnectGroups, AMemberThatComesBeforeTheFirstSlaveAndGoes) {
     plug({line[0], 2}, g.a);
     EXPECT_EQ(bring_up(expected), Sentences());
     run();
@@ -295,7 +298,7 @@ TEST_F(HotConnectGroups, AMemberWithoutAPlaceIsMissedEachTime) {
     }
 }
 
-// Without a supervision, a request finds that the head is lost.
+// Without a supervision, a request finds that the first slave is lost.
 TEST_F(HotConnectGroups, ARequestMayFindTheGroupRemoved) {
     plug({line[0], 2}, g.a);
     EXPECT_EQ(bring_up(expected), Sentences());
@@ -315,8 +318,8 @@ TEST_F(HotConnectGroups, ARequestMayFindTheGroupRemoved) {
     EXPECT_EQ(*cycle(), 9U);
 }
 
-// The cables of two members with their own power supplies are crossed. Each member belongs to the head in front of it
-// now.
+// The cables of two members with their own power supplies are crossed. Each member belongs to the first slave in front
+// of it now.
 TEST_F(HotConnectGroups, MembersThatKeptTheirPowerMayChangePlaces) {
     plug({line[0], 2}, g.a);
     plug({line[1], 2}, g.b);
@@ -334,7 +337,7 @@ TEST_F(HotConnectGroups, MembersThatKeptTheirPowerMayChangePlaces) {
     expect_exchanged(7, g.a2);
 }
 
-TEST_F(HotConnectGroups, AMemberBehindTheOtherHeadIsNotThatOfItsOwnGroup) {
+TEST_F(HotConnectGroups, AMemberBehindTheOtherFirstSlaveIsNotThatOfItsOwnGroup) {
     plug({line[0], 2}, g.a);
     plug({line[1], 2}, g.b);
     EXPECT_EQ(bring_up(expected), Sentences());
@@ -349,8 +352,8 @@ TEST_F(HotConnectGroups, AMemberBehindTheOtherHeadIsNotThatOfItsOwnGroup) {
     EXPECT_EQ(what_is_wrong(*ctx).slave, 5);
 }
 
-// The member behind a head of another machine gets no outputs, whatever state it had before.
-TEST_F(HotConnectGroups, AMemberBehindAnUnknownHeadGetsNoOutputs) {
+// The member behind the first slave of a group of another machine gets no outputs, whatever state it had before.
+TEST_F(HotConnectGroups, AMemberBehindAnUnknownFirstSlaveGetsNoOutputs) {
     const auto foreign = make({.product = 0x200, .alias = 0x0099});
     plug({line[0], 2}, g.a);
     EXPECT_EQ(bring_up(expected), Sentences());
@@ -366,7 +369,7 @@ TEST_F(HotConnectGroups, AMemberBehindAnUnknownHeadGetsNoOutputs) {
     EXPECT_NE(program(g.a2).outputs()[0], std::byte{0x77});
     EXPECT_EQ(ctx->slave(5).al.state, AlState::none);
     EXPECT_EQ(*cycle(), 9U);
-    // Behind its own head the device is the member again.
+    // Behind the first slave of its own group the device is the member again.
     pull(foreign);
     segment.disconnect({g.a2, 0});
     ASSERT_TRUE(segment.connect({g.a, 1}, {g.a2, 0}));
@@ -488,16 +491,16 @@ TEST_P(HotConnectInAnyOrder, EverybodyIsWhoHeIsInTheEnd) {
         return (random >> 16) % below;
     };
     std::array<bool, 2> plugged{};
-    const std::array<std::uint32_t, 2> heads{g.a, g.b};
+    const std::array<std::uint32_t, 2> firsts{g.a, g.b};
     const std::array<std::uint32_t, 2> seconds{g.a2, g.b2};
     const sim::PortRef ports[] = {{line[0], 2}, {line[1], 2}, {line[2], 1}, {line[2], 2}, {line[0], 3}};
     for (const auto number : {g.a, g.a2, g.b, g.b2}) power(number, true);
     segment.set_noise({.lost = GetParam() % 3 == 0 ? 0.0 : 0.03, .seed = GetParam()});
     for (int step = 0; step < 60; ++step) {
         const std::size_t n = next(2);
-        if (plugged[n]) pull(heads[n]);
-        plugged[n] = !plugged[n] &&
-                     (segment.connect(ports[next(5)], {heads[n], 0}) || segment.connect(ports[next(5)], {heads[n], 0}));
+        if (plugged[n]) pull(firsts[n]);
+        plugged[n] = !plugged[n] && (segment.connect(ports[next(5)], {firsts[n], 0}) ||
+                                     segment.connect(ports[next(5)], {firsts[n], 0}));
         if (next(3) == 0) {
             power(seconds[n], false);
             cycles(static_cast<int>(next(10)));
@@ -508,7 +511,7 @@ TEST_P(HotConnectInAnyOrder, EverybodyIsWhoHeIsInTheEnd) {
     }
     segment.set_noise({});
     for (std::size_t n = 0; n < 2; ++n)
-        for (const sim::PortRef& port : ports) plugged[n] = plugged[n] || segment.connect(port, {heads[n], 0});
+        for (const sim::PortRef& port : ports) plugged[n] = plugged[n] || segment.connect(port, {firsts[n], 0});
     const auto all = [&] { return in_op(4) && in_op(5) && in_op(6) && in_op(7); };
     const auto listen = [&] {
         for (const auto& event : events()) story.push_back(event);

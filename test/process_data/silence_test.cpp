@@ -217,7 +217,7 @@ TEST_P(OverlappedSilences, NothingOfAnotherMachineIsFresh) {
         ASSERT_FALSE(HasFatalFailure());
     }
 }
-// If nothing was exchanged, the supervision compares the slaves soon, however long it rests without cycles.
+// If nothing was exchanged, the supervision compares the slaves soon, however long its interval without cycles is.
 TEST_F(OverlappedSilence, TheSameSlavesAreFreshAgainSoon) {
     begin(3, 2s);
     begin_silence();

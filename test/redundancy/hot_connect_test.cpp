@@ -12,11 +12,12 @@ SlaveConfiguration hot_io() {
     return config;
 }
 
-// Six slaves in the ring, and a group of two slaves whose cable is not plugged in. The head has the alias 0x0010.
+// Six slaves in the ring, and a group of two slaves whose cable is not plugged in. The first slave of the group has the
+// alias 0x0010.
 struct HotConnectInRing : testing::Test, RingBus {
     SlaveConfiguration config = hot_io();
     std::vector<ExpectedSlave> expected;
-    std::uint32_t head = 0;
+    std::uint32_t first = 0;
     std::uint32_t member = 0;
     std::vector<std::uint32_t> ring;
 
@@ -31,9 +32,9 @@ struct HotConnectInRing : testing::Test, RingBus {
             expected.push_back({.number = static_cast<std::uint16_t>(n + 1), .product = 0x100, .config = &config});
         }
         close_ring();
-        head = add(device(0x200, 0x0010));
+        first = add(device(0x200, 0x0010));
         member = add(device(0x201));
-        ASSERT_TRUE(segment.connect({head, 1}, {member, 0}));
+        ASSERT_TRUE(segment.connect({first, 1}, {member, 0}));
         expected.push_back({.alias = std::uint16_t{0x0010}, .product = 0x200, .hot_connect = 1, .config = &config});
         expected.push_back({.product = 0x201, .hot_connect = 1, .config = &config});
     }
@@ -61,10 +62,10 @@ struct HotConnectInRing : testing::Test, RingBus {
                ctx->slave(8).al == AlStatus{AlState::op, false, 0};
     }
     void plug_group(std::uint32_t at, std::uint8_t port) {
-        ASSERT_TRUE(segment.connect({at, port}, {head, 0}));
+        ASSERT_TRUE(segment.connect({at, port}, {first, 0}));
         segment.advance(osal.now());
     }
-    void pull_group() { segment.disconnect({head, 0}); }
+    void pull_group() { segment.disconnect({first, 0}); }
     void expect_exchanged() {
         EXPECT_EQ(stale_cycles(20), 0U);
         EXPECT_EQ(wkc.ok() ? *wkc : 0U, 8 * 3U) << joined(events());

@@ -83,7 +83,7 @@ TEST_F(ReportProgram, AHotConnectGroupThatIsAwayIsNoFault) {
     EXPECT_EQ(cycles.status, 0) << cycles.out << cycles.err;
 }
 
-// The head of the group is present, so the other slave of the group must be present, too.
+// The first slave of the group is present, so the other slave of the group must be present, too.
 TEST_F(ReportProgram, AMissingMemberOfAHotConnectGroupIsAFault) {
     const std::string group = "[[slave]]\ndevice = \"coupler\"\n[[slave]]\ndevice = \"digital_out_8\"\nalias = 5\n";
     folder.write("there.toml", group + "[[slave]]\ndevice = \"digital_io_16\"\n");
@@ -474,14 +474,14 @@ TEST_F(ReportProgram, ReadsARunningApplication) {
     EXPECT_EQ(attached.count("//svg[@id='topology']//a[@class='slave']"), 3U);
 }
 
-// The application decides which slaves may be absent: a slave whose whole group is absent, but not a slave whose head
-// is present.
+// The application decides which slaves may be absent: a slave whose whole group is absent, but not a slave of a
+// group whose first slave is present.
 TEST_F(ReportProgram, ReadsFromAnApplicationWhatMayBeMissing) {
     const std::string coupler = "[[slave]]\ndevice = \"coupler\"\n";
-    const std::string head = "[[slave]]\ndevice = \"digital_out_8\"\nalias = 5\n";
+    const std::string first = "[[slave]]\ndevice = \"digital_out_8\"\nalias = 5\n";
     folder.write("away.toml", coupler);
-    folder.write("partly.toml", coupler + head);
-    folder.write("there.toml", coupler + head + "[[slave]]\ndevice = \"digital_io_16\"\n");
+    folder.write("partly.toml", coupler + first);
+    folder.write("there.toml", coupler + first + "[[slave]]\ndevice = \"digital_io_16\"\n");
     folder.write("group.xml", process::eni_with_group(folder.path() / "there.toml", 3, 5, 2));
     std::filesystem::create_directory(folder.path() / "etc");
     const auto place = folder.path().string() + "/";

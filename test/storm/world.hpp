@@ -133,7 +133,7 @@ class World {
     void choose_away();
     void keep_places();
     void expect_slaves();
-    [[nodiscard]] std::vector<std::uint32_t> group_behind(std::uint32_t head) const;
+    [[nodiscard]] std::vector<std::uint32_t> group_behind(std::uint32_t first) const;
     void switch_away();
     void come_back();
 
@@ -263,7 +263,7 @@ class World {
     std::map<std::uint32_t, KeptPlace> kept_;   // by device
     std::vector<std::uint32_t> away_;           // devices that are absent when the segment is brought up
     std::vector<std::uint32_t> segment_order_;  // order of the ring when all devices were present
-    std::vector<std::uint32_t> group_;          // devices of the hot connect group, the head first
+    std::vector<std::uint32_t> group_;          // devices of the hot connect group, the first slave of the group first
     std::vector<SlaveToSlave> copies_;          // of all groups
     std::vector<std::vector<std::byte>> shared_memory_;
     std::vector<std::unique_ptr<SharedImage>> shared_;

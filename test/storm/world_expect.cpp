@@ -12,9 +12,9 @@ constexpr std::uint8_t kMostEntryBits = 64;
 }  // namespace
 
 // The device itself, then the devices that are connected to it and behind it.
-std::vector<std::uint32_t> World::group_behind(std::uint32_t head) const {
-    std::vector<std::uint32_t> found{head};
-    for (std::uint32_t n = head + 1; n < plan_.devices.size(); ++n) {  // a parent is before its children
+std::vector<std::uint32_t> World::group_behind(std::uint32_t first) const {
+    std::vector<std::uint32_t> found{first};
+    for (std::uint32_t n = first + 1; n < plan_.devices.size(); ++n) {  // a parent is before its children
         const auto parent = plan_.devices[n].parent;
         const bool behind = std::ranges::any_of(
             found, [&](std::uint32_t one) { return parent == static_cast<std::int32_t>(ids_[one]); });
@@ -23,7 +23,7 @@ std::vector<std::uint32_t> World::group_behind(std::uint32_t head) const {
     return found;
 }
 
-// Chooses one device and all devices behind it, if they are the devices that their SIIs describe. The head is
+// Chooses one device and all devices behind it, if they are the devices that their SIIs describe. The first one is
 // identified by an alias.
 void World::choose_group() {
     if (plan_.settings.expect != 5) return;

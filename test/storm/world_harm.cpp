@@ -81,7 +81,7 @@ void World::update_eeprom(const Step& step) {
     make_dirty(*device);
 }
 
-// Marks a device whose EEPROM or program has changed. A head of a group without its alias is not recognised.
+// Marks a device whose EEPROM or program has changed. The first slave of a group is not recognised without its alias.
 void World::make_dirty(std::uint32_t device) {
     dirty_[device] = true;
     if (!group_.empty() && device == group_.front())

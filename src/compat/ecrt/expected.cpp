@@ -44,9 +44,9 @@ int Operation::first_with(std::uint16_t alias) const {
 void Operation::add_expected(ec_slave_config& config) {
     int number = config.position + 1;
     if (config.alias != 0) {
-        const int head = first_with(config.alias);
-        if (head == 0) return;  // add_by_alias()
-        number += head - 1;
+        const int first = first_with(config.alias);
+        if (first == 0) return;  // add_by_alias()
+        number += first - 1;
     }
     if (number > bus_.ctx->limits().slaves) return say_too_far(bus_, config);
     for (const ExpectedSlave& other : expected_)
