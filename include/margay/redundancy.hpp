@@ -16,14 +16,16 @@
 // is broken, config_init() numbers such branches of the first NIC's part after the slaves of this part, and such
 // branches behind the break before the slaves there. Hot connect groups may appear at any port of either part.
 //
-// Distributed clocks: configdc() measures the delays while the ring is whole. For some milliseconds it closes the port
-// of the last slave to the second NIC (ESC register 0x0101, temporary), because the frames must return by the way they
-// came; all frames are sent by one NIC meanwhile. In a ring that is broken between slaves, each part is measured
-// by the frames of its own NIC, and the clocks behind the break follow a second reference from the start. Both parts
-// then differ by the difference of the times that the two NICs need until a frame is on the cable: microseconds on a
-// PC. When the ring is whole again, the SuperviseRequest measures the delays again, and all clocks approach the
-// reference clock without a step. Delays that were measured in the whole ring are not measured again while it is
-// broken.
+// Distributed clocks: configdc() measures the delays while the ring is whole. For some milliseconds it closes the
+// port of the last slave to the second NIC (ESC register 0x0101, temporary), because the frames must return by the
+// way they came; all frames are sent by one NIC meanwhile. If a cable breaks in this time, configdc() ends with an
+// error, and the slaves behind the break answer no frame for about a second, until the timer of the chip opens the
+// port: a config_init() in this second finds fewer slaves, which only expect() shows. In a ring that is broken
+// between slaves, each part is measured by the frames of its own NIC, and the clocks behind the break follow a
+// second reference from the start. Both parts then differ by the difference of the times that the two NICs need
+// until a frame is on the cable: microseconds on a PC. When the ring is whole again, the SuperviseRequest measures
+// the delays again, and all clocks approach the reference clock without a step. Delays that were measured in the
+// whole ring are not measured again while it is broken.
 //
 // When a cable breaks, the clocks behind the break follow the first clock there (EventKind::second_reference). A
 // SuperviseRequest compares this clock with the reference clock by the two copies of each frame, and steers its
@@ -82,8 +84,10 @@
 // slaves, a write may reach a wrong slave: then its reply has working counter 0, which is an error.
 //
 // When another segment is behind the second NIC (CablingFault::second_segment, EventKind::second_segment), its slaves
-// get no commands. With each 64th frame the second NIC sends a frame without commands (NOP); when this frame comes back
-// as in a ring, the cable is right again.
+// get no commands. If the second NIC is plugged into another segment while the master runs, the library knows this
+// after eight frames: the slaves of the other segment process these frames, and slaves of the own segment with the same
+// addresses may be regarded as lost. With each 64th frame the second NIC sends a frame without commands (NOP); when
+// this frame comes back as in a ring, the cable is right again.
 //
 // When a frame of one NIC is lost and the frame of the other NIC comes back, the NIC of the lost frame sends six frames
 // with a NOP behind its next frame. If none of these frames comes back, the cable of this NIC is broken, although the

@@ -13,7 +13,9 @@ SendStatus Redundancy::send_probe(unsigned nic) noexcept {
     constexpr std::size_t kShortest = 60;
     std::array<std::byte, kShortest> probe{};
     wire::FrameBuilder builder(probe, source_[nic]);
-    (void)builder.append(wire::Command::NOP, 0, kProbe, 2);
+    // Each probe has another index, so that a recording shows which of the probes came back.
+    const auto index = static_cast<std::uint8_t>(counters_[nic].sent.load(std::memory_order_relaxed));
+    (void)builder.append(wire::Command::NOP, index, kProbe, 2);
     (void)builder.finish();
     const SendStatus status = nics_[nic]->send(probe);
     if (status == SendStatus::sent) counters_[nic].sent.fetch_add(1, std::memory_order_relaxed);

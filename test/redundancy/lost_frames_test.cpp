@@ -4,6 +4,7 @@
 #include "redundancy/ring_bus.hpp"
 
 #include <algorithm>
+#include <set>
 
 namespace margay {
 namespace {
@@ -82,14 +83,18 @@ TEST(RingLostFrames, EveryCableBreaksAndHeals) {
 class NarrowNic final : public Nic {
   public:
     NarrowNic(Nic& nic, Osal& osal) : nic_(nic), osal_(osal) {}
-    unsigned most = 100;  // frames at the same time
-    unsigned probes = 0;  // frames that begin with a NOP
+    unsigned most = 100;          // frames at the same time
+    unsigned probes = 0;          // frames that begin with a NOP
+    std::set<std::byte> indices;  // of these frames
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (std::exchange(at_, osal_.now()) != osal_.now()) count_ = 0;
         if (count_ >= most) return SendStatus::busy;
         ++count_;
-        probes += frame[wire::kFramePrefixBytes] == static_cast<std::byte>(wire::Command::NOP) ? 1 : 0;
+        if (frame[wire::kFramePrefixBytes] == static_cast<std::byte>(wire::Command::NOP)) {
+            ++probes;
+            indices.insert(frame[wire::kFramePrefixBytes + 1]);
+        }
         return nic_.send(frame);
     }
     std::size_t receive(std::span<std::byte> into) noexcept override { return nic_.receive(into); }
@@ -135,6 +140,7 @@ TEST(RingLostFrames, ANicThatIsSilentIsFound) {
             EXPECT_EQ(bus.ctx->slave(which == 0 ? 1 : 6).al.state, AlState::none);
             (void)bus.stale_cycles(300);
             EXPECT_LE(narrow.probes, 8U) << "no probes by a silent NIC";
+            EXPECT_EQ(narrow.indices.size(), narrow.probes) << "each has another index";
             narrow.most = 100;
             bus.nics[which]->deaf = false;
             EXPECT_TRUE(bus.until_all_in_op()) << bus.joined(bus.events());
