@@ -361,6 +361,13 @@ void Redundancy::guard_times(bool guard) noexcept {
 void Redundancy::note_way() noexcept {
     ++ways_;
     if (times_guarded_) times_held_.store(true, kRelaxed);
+    // If the break has moved, the copies may pass clocks before the second reference. These clocks would take the time
+    // that was sent. So the copies carry no time until the second reference is set again. The differences of the
+    // earlier ways have another constant.
+    std::uint32_t second = second_.load(kRelaxed);
+    const bool is_first = second >> 16 != 0;
+    if (!times_guarded_ && !is_first) (void)second_.compare_exchange_strong(second, 0, kRelaxed);
+    difference_ = {};
 }
 
 void Redundancy::store_count(unsigned nic, std::uint16_t slaves) noexcept {

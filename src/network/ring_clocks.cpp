@@ -248,9 +248,10 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     const StationAddress address = second == 0 ? StationAddress{} : network.slave(second).station_address;
     const StationAddress first = is_first ? reference.station_address : StationAddress{};
     if (second == second_ && is_first == second_is_first_) {
-        // The reference has changed, or the link has stopped to use the second reference because a reply was lost or
-        // contained the time that was sent.
-        if (!ring_.has_second_reference(address, first)) ring_.set_second_reference(address, first);
+        // The reference has changed, or the link has stopped to use the second reference: a reply was lost or contained
+        // the time that was sent, or the ways have changed. Then the counts show whether the break has moved.
+        const bool clear = is_first || has_beside_ || ring_.counts_are_new();
+        if (clear && !ring_.has_second_reference(address, first)) ring_.set_second_reference(address, first);
         co_return Nothing{};
     }
     second_ = second;

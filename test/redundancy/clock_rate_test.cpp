@@ -89,6 +89,36 @@ TEST(ClockRingRate, IsLearnedWhileTheCycleVaries) {
     }
 }
 
+// The break moves towards the head between two cycles. The clocks before the present second reference do not take the
+// time that the master sends, although this time is wrong.
+TEST(ClockRingRate, IsKeptWhenTheBreakMovesBeforeTheSecondReference) {
+    for (const unsigned moment : {0U, 1U, 3U, 13U, 40U}) {
+        SCOPED_TRACE(moment);
+        ClockRingBus bus;
+        bus.build(6, false);
+        bus.bring_up();
+        std::uint32_t random = 12345;
+        const auto wrong = [&](unsigned count) {
+            unsigned sum = 0;
+            for (unsigned n = 0; n < count; ++n) {
+                random = random * 1664525U + 1013904223U;
+                bus.osal.advance(std::chrono::nanoseconds((random >> 8) % 5000));
+                sum += bus.wrong_cycles(1);
+            }
+            return sum;
+        };
+        bus.cable(bus.ring_cables[4], false);
+        EXPECT_EQ(wrong(500 + moment), 0U);
+        bus.cable(bus.ring_cables[4], true);
+        (void)wrong(1);
+        bus.cable(bus.ring_cables[2], false);
+        EXPECT_EQ(wrong(2000), 0U);
+        EXPECT_EQ(bus.status().second_reference, 3);
+        EXPECT_LE(std::abs(bus.ahead_ns(3)), 200) << bus.joined(bus.events());
+        EXPECT_TRUE(are_all_in_sync(bus)) << bus.joined(bus.events());
+    }
+}
+
 TEST(ClockRingRate, IsLearnedWithLostFrames) {
     ClockRingBus bus;
     bus.build(6, false);
