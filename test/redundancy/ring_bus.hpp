@@ -29,6 +29,7 @@ class HookedNic final : public Nic {
   public:
     HookedNic(Nic& nic, Osal& osal) : nic_(nic), osal_(osal) {}
     std::function<void()> before_send;
+    std::function<void(std::span<const std::byte>)> sees_frame;
     bool tells_link = true;   // false: accepts every frame, and the link state is unknown
     Duration sees_after{};    // notices a lost link so much later, and accepts all frames until then
     unsigned link_reads = 0;  // calls of link_state()
@@ -36,6 +37,7 @@ class HookedNic final : public Nic {
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (before_send) before_send();
+        if (sees_frame) sees_frame(frame);
         const bool sees = sees_link();
         const SendStatus status = nic_.send(frame);
         return status == SendStatus::failed && (!tells_link || !sees) ? SendStatus::sent : status;
