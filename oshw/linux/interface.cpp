@@ -27,6 +27,7 @@ Interface::~Interface() { close(); }
 void Interface::close() noexcept {
     if (control_ >= 0) ::close(control_);
     control_ = -1;
+    note_sent();
 }
 
 Result<> Interface::open(std::string_view name) noexcept {

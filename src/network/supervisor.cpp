@@ -207,14 +207,14 @@ void report_missing(Watch& watch) {
         if (wanted == nullptr || wanted->hot_connect == 0 || wanted->optional || slave.al.state != AlState::none ||
             network.marks(slave).missing_reported)
             continue;
-        const auto head = std::ranges::find_if(network.slaves(), [&](const Slave& s) {
+        const auto first = std::ranges::find_if(network.slaves(), [&](const Slave& s) {
             return s.wanted != nullptr && s.wanted->hot_connect == wanted->hot_connect &&
                    is_located(network.expected, *s.wanted);
         });
-        if (head == network.slaves().end() || head->al.state == AlState::none) continue;
+        if (first == network.slaves().end() || first->al.state == AlState::none) continue;
         network.marks(slave).missing_reported = true;
         await_slave(network, slave);
-        network.report({.kind = EventKind::missing, .slave = slave.number, .other = head->number});
+        network.report({.kind = EventKind::missing, .slave = slave.number, .other = first->number});
     }
 }
 
