@@ -367,6 +367,9 @@ void Redundancy::note_way() noexcept {
     std::uint32_t second = second_.load(kRelaxed);
     const bool is_first = second >> 16 != 0;
     if (!times_guarded_ && !is_first) (void)second_.compare_exchange_strong(second, 0, kRelaxed);
+    // The other copy carries the only time, perhaps behind a break where the reference is not any more: both copies
+    // only read the reference until the second reference is set again.
+    if (!times_guarded_ && is_first) times_held_.store(true, kRelaxed);
     difference_ = {};
 }
 

@@ -103,6 +103,7 @@ class Redundancy final : public Nic, public Cables {
     void set_second_reference(StationAddress slave, StationAddress reference = {}) noexcept {
         second_.store(packed(slave, reference), std::memory_order_relaxed);
         difference_ = {};
+        if (!times_guarded_) times_held_.store(false, std::memory_order_relaxed);
     }
     // False if the second reference has not answered, because its slave is lost.
     [[nodiscard]] bool has_second_reference(StationAddress slave, StationAddress reference) const noexcept {

@@ -61,7 +61,7 @@ void Redundancy::divide_times(FramePair& pair) const noexcept {
         other[0] = static_cast<std::byte>(none ? wire::Command::NOP : wire::Command::FRMW);
         store_le<std::uint16_t>(other, kAdp, static_cast<std::uint16_t>(second));
         if (!pair.times_held) continue;
-        if (!pair.second_is_first) head[0] = static_cast<std::byte>(reading(d->header.command));
+        head[0] = static_cast<std::byte>(reading(d->header.command));
         other[0] = static_cast<std::byte>(pair.second_is_first ? wire::Command::FPRD : wire::Command::NOP);
     }
     set_times(pair, out, TimeDatagram::of_other);

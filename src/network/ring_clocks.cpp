@@ -250,12 +250,17 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
     if (second == second_ && is_first == second_is_first_) {
         // The reference has changed, or the link has stopped to use the second reference: a reply was lost or contained
         // the time that was sent, or the ways have changed. Then the counts show whether the break has moved.
-        const bool clear = is_first || has_beside_ || ring_.counts_are_new();
-        if (clear && !ring_.has_second_reference(address, first)) ring_.set_second_reference(address, first);
+        const bool clear = has_beside_ || ring_.counts_are_new();
+        const bool held = !has_beside_ && ring_.are_times_held();
+        if (clear && (held || !ring_.has_second_reference(address, first))) ring_.set_second_reference(address, first);
         co_return Nothing{};
     }
     second_ = second;
-    second_is_first_ = is_first;
+    // The first frames after the change of the ways may have found no reference, so the cycle may carry the time of the
+    // standby. Its frames would bring the reference the time that the master has sent.
+    const bool returns = std::exchange(second_is_first_, is_first) && !is_first;
+    if (returns && !network.clocks.paused && reference.al.state != AlState::none)
+        (void)carry_time_of(network, &reference);
     learns_ = carried_ = false;
     // Unless the ring is whole, the clocks beside the ring have followed other clocks since the last lesson.
     if (comparison_ != Comparison::taught || !parts().whole) comparison_ = Comparison::unknown;

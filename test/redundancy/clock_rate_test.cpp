@@ -121,6 +121,32 @@ TEST(ClockRingRate, IsKeptWhenTheBreakMovesBeforeTheSecondReference) {
     }
 }
 
+// The cable of the first NIC was broken, so the copies of the second NIC carried the time of the reference. The break
+// moves behind the reference: these copies do not reach the reference any more, and would bring the time of the master.
+TEST(ClockRingRate, IsKeptWhenTheBreakMovesBehindTheReference) {
+    ClockRingBus bus;
+    bus.build(6, false);
+    bus.bring_up();
+    bus.cable(bus.ring_cables[0], false);
+    (void)bus.wrong_cycles(1500);
+    const std::uint16_t reference = bus.ctx->slave(1).station_address.value;
+    unsigned copies = 0;
+    bus.nics[1]->sees_frame = [&](std::span<const std::byte> frame) {
+        wire::DatagramReader reader(frame);
+        while (const auto d = reader.next())
+            if (d->header.command == wire::Command::FRMW && d->header.address.adp() == reference) ++copies;
+    };
+    EXPECT_EQ(bus.wrong_cycles(50), 0U);
+    EXPECT_GE(copies, 50U) << "each cycle carries the time";
+    copies = 0;
+    bus.cable(bus.ring_cables[0], true);
+    bus.cable(bus.ring_cables[2], false);
+    (void)bus.wrong_cycles(500);
+    EXPECT_LE(copies, 3U);
+    EXPECT_LE(bus.cycles(300), 200) << bus.joined(bus.events());
+    EXPECT_TRUE(are_all_in_sync(bus)) << bus.joined(bus.events());
+}
+
 TEST(ClockRingRate, IsLearnedWithLostFrames) {
     ClockRingBus bus;
     bus.build(6, false);
