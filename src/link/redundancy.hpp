@@ -99,7 +99,8 @@ class Redundancy final : public Nic, public Cables {
 
     // Sets the slave whose time is in the copies that the head does not send; 0: these copies carry no time.
     // `reference`: the reference of the whole segment, where only these copies reach it. These copies carry the only
-    // time, as long as the frames of the link address this reference.
+    // time, as long as the frames of the link address this reference. Then a change of the ways holds the times until
+    // the next call.
     void set_second_reference(StationAddress slave, StationAddress reference = {}) noexcept {
         second_.store(packed(slave, reference), std::memory_order_relaxed);
         difference_ = {};

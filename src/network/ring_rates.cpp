@@ -107,6 +107,8 @@ Task<Result<bool>> RingWatch::is_second_late(Network& network, std::uint16_t wan
     constexpr std::uint8_t kMostRounds = 200;
     constexpr std::uint8_t kRounds = 10;
     if (!lacks_rate(network, wanted) || rounds_seen_ >= kMostRounds) co_return false;
+    // The reference was behind the break until now, so this part has no second reference yet.
+    if (second_is_first_) co_await required(change_second(network, 0));
     if (rounds_seen_++ % kRounds != 0 || network.searching || network.clocks.paused) co_return true;
     const auto learned = co_await prepare_second(network, network.slave(wanted));
     const bool changes = !learned && learned.error().code == Errc::unstable;
