@@ -159,9 +159,9 @@ TEST(RingBadInput, AnotherSegmentBehindTheSecondNic) {
 }
 
 // Records the commands of the frames that it sends.
-class CommandSpy final : public Nic {
+class CommandSpy final : public ForwardingNic {
   public:
-    explicit CommandSpy(Nic& nic) : nic_(nic) {}
+    explicit CommandSpy(Nic& nic) : ForwardingNic(nic) {}
     unsigned frames = 0;
     unsigned commands = 0;  // other than NOP
 
@@ -171,13 +171,6 @@ class CommandSpy final : public Nic {
         while (const auto d = reader.next()) commands += d->header.command == wire::Command::NOP ? 0 : 1;
         return nic_.send(frame);
     }
-    std::size_t receive(std::span<std::byte> into) noexcept override { return nic_.receive(into); }
-    LinkState link_state() noexcept override { return nic_.link_state(); }
-    MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
-    Time next_arrival() const noexcept override { return nic_.next_arrival(); }
-
-  private:
-    Nic& nic_;
 };
 
 // The cable of the second NIC is plugged into another segment during operation. The slaves of that segment do not get

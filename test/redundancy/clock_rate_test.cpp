@@ -89,6 +89,15 @@ TEST(ClockRingRate, IsLearnedWhileTheCycleVaries) {
     }
 }
 
+// The number of datagrams of the frame that bring the time of this station to other slaves.
+unsigned times_of(std::uint16_t station, std::span<const std::byte> frame) {
+    unsigned count = 0;
+    wire::DatagramReader reader(frame);
+    while (const auto d = reader.next())
+        if (d->header.command == wire::Command::FRMW && d->header.address.adp() == station) ++count;
+    return count;
+}
+
 // The break moves towards the head between two cycles. The copies then pass clocks before the present second reference.
 // These clocks would take the time that the master has sent. So the copies soon carry no time of this second reference.
 TEST(ClockRingRate, IsKeptWhenTheBreakMovesBeforeTheSecondReference) {
@@ -102,12 +111,8 @@ TEST(ClockRingRate, IsKeptWhenTheBreakMovesBeforeTheSecondReference) {
         ASSERT_EQ(bus.status().second_reference, 5);
         const std::uint16_t second = bus.ctx->slave(5).station_address.value;
         unsigned copies = 0;
-        const auto count = [&](std::span<const std::byte> frame) {
-            wire::DatagramReader reader(frame);
-            while (const auto d = reader.next())
-                if (d->header.command == wire::Command::FRMW && d->header.address.adp() == second) ++copies;
-        };
-        for (auto& nic : bus.nics) nic->sees_frame = count;
+        for (auto& nic : bus.nics)
+            nic->sees_frame = [&](std::span<const std::byte> frame) { copies += times_of(second, frame); };
         EXPECT_EQ(bus.wrong_cycles(50), 0U);
         EXPECT_GE(copies, 50U) << "each cycle carries the time";
         copies = 0;
@@ -131,11 +136,7 @@ TEST(ClockRingRate, IsKeptWhenTheBreakMovesBehindTheReference) {
     (void)bus.wrong_cycles(1500);
     const std::uint16_t reference = bus.ctx->slave(1).station_address.value;
     unsigned copies = 0;
-    bus.nics[1]->sees_frame = [&](std::span<const std::byte> frame) {
-        wire::DatagramReader reader(frame);
-        while (const auto d = reader.next())
-            if (d->header.command == wire::Command::FRMW && d->header.address.adp() == reference) ++copies;
-    };
+    bus.nics[1]->sees_frame = [&](std::span<const std::byte> frame) { copies += times_of(reference, frame); };
     EXPECT_EQ(bus.wrong_cycles(50), 0U);
     EXPECT_GE(copies, 50U) << "each cycle carries the time";
     copies = 0;

@@ -23,11 +23,25 @@ namespace margay {
 
 using namespace std::chrono_literals;
 
+// Passes the calls on to another NIC.
+class ForwardingNic : public Nic {
+  public:
+    explicit ForwardingNic(Nic& nic) : nic_(nic) {}
+    SendStatus send(std::span<const std::byte> frame) noexcept override { return nic_.send(frame); }
+    std::size_t receive(std::span<std::byte> into) noexcept override { return nic_.receive(into); }
+    LinkState link_state() noexcept override { return nic_.link_state(); }
+    MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
+    Time next_arrival() const noexcept override { return nic_.next_arrival(); }
+
+  protected:
+    Nic& nic_;
+};
+
 // Calls a function before each frame that a NIC sends, so that a test can break a cable between the two copies of a
 // frame.
-class HookedNic final : public Nic {
+class HookedNic final : public ForwardingNic {
   public:
-    HookedNic(Nic& nic, Osal& osal) : nic_(nic), osal_(osal) {}
+    HookedNic(Nic& nic, Osal& osal) : ForwardingNic(nic), osal_(osal) {}
     std::function<void()> before_send;
     std::function<void(std::span<const std::byte>)> sees_frame;
     bool tells_link = true;   // false: accepts every frame, and the link state is unknown
@@ -52,8 +66,6 @@ class HookedNic final : public Nic {
         if (!tells_link) return LinkState::unknown;
         return sees_link() ? nic_.link_state() : LinkState::up;
     }
-    MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
-    Time next_arrival() const noexcept override { return nic_.next_arrival(); }
 
   private:
     bool sees_link() noexcept {
@@ -64,7 +76,6 @@ class HookedNic final : public Nic {
         return lost_at_ == kNever || osal_.now() - lost_at_ >= sees_after;
     }
 
-    Nic& nic_;
     Osal& osal_;
     Time lost_at_ = kNever;
 };
