@@ -43,7 +43,7 @@ bool RingWatch::lacks_rate(Network& network, std::uint16_t wanted) const {
            !clocks.entries[wanted - 1U].knows_rate && network.slave(clocks.reference).al.state != AlState::none;
 }
 
-// Whether the difference of both clocks changes by less than `most_ns` in 20 ms. While no time arrives, a clock keeps
+// Whether the difference of both clocks changes by `most_ns` at most in 20 ms. While no time arrives, a clock keeps
 // its rate.
 Task<Result<bool>> RingWatch::runs_alike(Network& network, Slave& slave, Slave& present, std::int64_t most_ns) const {
     constexpr Duration kLook = std::chrono::milliseconds(20);
