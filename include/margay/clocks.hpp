@@ -93,7 +93,8 @@ struct ClockSettings {
     // all slaves, also for a slave that comes back. A whole multiple of the cycle of every slave's SYNC signals. Zero:
     // the slave's own cycle; `cycle` for a single pulse.
     Duration start_grid{0};
-    // How far in the future SYNC0 starts at least.
+    // How far in the future SYNC0 starts at least. If the slave is not activated before the start, because a frame was
+    // lost or the time is short for cycles that are long, the library tries again with a later start.
     Duration start_delay = std::chrono::milliseconds(100);
     // System time is the time of the osal plus this time, at the moment of configdc().
     Duration system_time_at_zero{0};
@@ -167,7 +168,7 @@ Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings = {})
 // Activates or switches off the SYNC signals of one slave now; see dcsync0().
 struct SyncRequest : SlaveRequest {
     SyncRequest();
-    SyncSettings sync;  // source `none`: off
+    SyncSettings sync;  // as SlaveSetup::dc; source `none`: off
 };
 
 // Activates SYNC0 (dcsync01(): SYNC0 and SYNC1) of one slave with this cycle, or switches the signals off. The first

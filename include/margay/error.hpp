@@ -356,7 +356,7 @@ enum class Argument : std::uint8_t {
     file_name,        // the name of a file does not fit the mailbox
     file_time,        // a time of a FoeRequest
     sync_grid,        // ClockSettings::start_grid is no whole multiple of the cycle of the SYNC signals
-    sync_start,       // ClockSettings::start_time has returned a time that has passed
+    sync_start,       // a start of SYNC0 that has passed. actual: how often it was too late
     aoe_time,         // a time of an AoeAddNotification
     second_nic,       // the second NIC of init_redundant() is the first one
     image_place,      // SlaveSetup::place: it overlaps other data, or begins within an octet where that is not possible

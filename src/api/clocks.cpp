@@ -41,9 +41,7 @@ static Error check(Network& network, const SyncRequest& request) {
     if (refused.code != Errc::none) return refused;
     if (network.clocks.prepare == nullptr)
         return {.code = Errc::wrong_state, .step = Step::configure_sync, .slave = request.slave};
-    const bool on = request.sync.source != SyncSettings::Source::none;
-    if (on && request.sync.sync0_cycle < Duration{0})
-        return invalid(Argument::sync_cycle, Step::configure_sync, request.slave);
+    if (request.sync.source == SyncSettings::Source::sii) return Error{};
     Error error = sync_registers(request.sync, network.clocks.settings).error();
     error.slave = error.code == Errc::none ? std::uint16_t{0} : request.slave;
     return error;
@@ -63,7 +61,12 @@ static Task<Result<>> run(Network& network, ClockRequest& request) {
 
 static Task<Result<>> run(Network& network, SyncRequest& request) {
     Slave& slave = network.slave(request.slave);
-    const auto wanted = sync_registers(request.sync, network.clocks.settings);
+    const auto wanted = co_await find_sync(network, slave, request.sync);
+    if (!wanted) {
+        Error error = wanted.error();
+        error.slave = request.slave;
+        co_return error;
+    }
     ClockEntry& clock = network.clocks.of(slave);
     auto done = co_await activate_sync(network, slave, *wanted);
     if (!done) co_return done;
@@ -86,6 +89,7 @@ Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings) {
 }
 
 static Result<> set_sync(Context& ctx, std::uint16_t slave, bool active, const SyncSettings& wanted) {
+    if (active && wanted.sync0_cycle < Duration{0}) return invalid(Argument::sync_cycle, Step::configure_sync, slave);
     SyncRequest request;
     request.slave = slave;
     if (active) request.sync = wanted;

@@ -194,7 +194,11 @@ struct Clocks {
 // Writes delay and offset of a slave whose clock was reset, and activates its SYNC signals. This is the function of
 // Clocks::prepare.
 [[nodiscard]] Task<Result<>> prepare_clock(Network& network, Slave& slave);
+// The same for the SYNC signals alone, as the application or the SII wants them.
+[[nodiscard]] Task<Result<>> prepare_sync(Network& network, Slave& slave);
 [[nodiscard]] Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync);
+// The registers for the settings, which the SII may contain.
+[[nodiscard]] Task<Result<SyncRegisters>> find_sync(Network& network, Slave& slave, SyncSettings wanted);
 // The registers for settings of the application; invalid_argument when a time does not fit.
 [[nodiscard]] Result<SyncRegisters> sync_registers(const SyncSettings& settings, const ClockSettings& clocks);
 

@@ -364,6 +364,51 @@ TEST_F(Sync, TheApplicationMayChooseTheStartTime) {
     EXPECT_TRUE(dcsync0(*ctx, 1, true, 1ms).ok());
 }
 
+// While the cycle runs, each register is written with another cycle: the start passes before the signals are active.
+TEST_F(Sync, AStartThatPassesBeforeTheSlaveActivatesItIsTriedAgain) {
+    add_line(2);
+    start();
+    ClockSettings settings = kFewFrames;
+    settings.start_delay = Duration{0};
+    ASSERT_TRUE(configdc(*ctx, settings).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    SyncRequest request;
+    request.slave = 2;
+    request.sync = {.source = SyncSettings::Source::application, .sync0_cycle = 1ms};
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    cycles(100);
+    ASSERT_FALSE(request.busy());
+    ASSERT_EQ(request.error().code, Errc::none) << words(request.error());
+    EXPECT_TRUE(clock(2).sync_active);
+    const std::uint64_t before = pulses(2);
+    cycles(100);
+    EXPECT_GE(pulses(2) - before, 99U);
+}
+
+// The start that the application has chosen is too early for a cycle that carries each register.
+TEST_F(Sync, AStartThatAlwaysPassesIsAnError) {
+    add_line(2);
+    start();
+    ClockSettings settings = kFewFrames;
+    settings.start_time_user = this;
+    settings.start_time = [](std::uint16_t, std::uint64_t, void* user) {
+        auto& self = *static_cast<Sync*>(user);
+        return self.segment.slave(1).clock().copy(self.osal.now()) + 50'000;
+    };
+    ASSERT_TRUE(configdc(*ctx, settings).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    SyncRequest request;
+    request.slave = 2;
+    request.sync = {.source = SyncSettings::Source::application, .sync0_cycle = 1ms};
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    cycles(100);
+    ASSERT_FALSE(request.busy());
+    EXPECT_EQ(words(request.error()),
+              "slave 2: activating SYNC: argument out of range: the start of SYNC0 has passed before the slave "
+              "activated it, in 3 tries");
+    EXPECT_FALSE(clock(2).sync_active);
+}
+
 // A new start on this grid would have another phase.
 TEST_F(Sync, ACycleThatDoesNotFitTheGridIsRefused) {
     add_line(1);
@@ -489,6 +534,24 @@ TEST_F(Sync, AsTheSiiSays) {
     setup.dc.sii_mode = 2;
     EXPECT_EQ(words(config_map(*ctx, image).error()),
               "slave 1: activating SYNC: not supported by the slave (its SII has no DC operation mode 2)");
+    // A SyncRequest may name the mode, too. Without a cycle, it is ClockSettings::cycle.
+    const auto request = [this](const SyncSettings& wanted) {
+        SyncRequest sync;
+        sync.slave = 1;
+        sync.sync = wanted;
+        EXPECT_TRUE(submit(*ctx, sync).ok());
+        while (sync.busy()) osal.wait(poll(*ctx, osal.now()), -1);
+        return words(sync.error());
+    };
+    EXPECT_EQ(request(setup.dc),
+              "slave 1: activating SYNC: not supported by the slave (its SII has no DC operation mode 2)");
+    EXPECT_EQ(request({.source = SyncSettings::Source::application}), "no error");
+    EXPECT_EQ(register_of<std::uint16_t>(1, wire::reg::kCyclicUnitControl), 0x0300);
+    EXPECT_EQ(register_of<std::uint32_t>(1, wire::reg::kSync0CycleTime), 1'000'000U);
+    setup.dc.sii_mode = 1;
+    EXPECT_EQ(request(setup.dc), "no error");
+    EXPECT_EQ(register_of<std::uint16_t>(1, wire::reg::kCyclicUnitControl), 0x0730);
+    EXPECT_EQ(register_of<std::uint32_t>(1, wire::reg::kSync0CycleTime), 2'000'000U);
 }
 
 // A SYNC1 with a negative shift comes after the previous SYNC0. A SYNC1 that is earlier by a whole cycle is refused. A
