@@ -68,7 +68,7 @@ class ExternalClock : public CycleClock {
 
   private:
     static constexpr std::uint8_t kSilent = 16;  // cycles without a new time stamp
-    [[nodiscard]] bool take_stamps();
+    [[nodiscard]] bool take_stamps(bool fresh);
     [[nodiscard]] std::uint8_t not_visible(bool waits) const;
 
     Settings settings_;

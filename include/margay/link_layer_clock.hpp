@@ -48,7 +48,10 @@ class LinkLayerClock : public CycleClock {
     void restart();
 
     // State and error of the reference clock against the clock of the NIC. set_value_wrong: see MasterClock.
-    [[nodiscard]] PhaseState state() const { return wrong_ ? PhaseState::set_value_wrong : reference_.state(); }
+    // cycle_wrong: the time between the frames, as the NIC has stamped them, is not PhaseSettings::cycle.
+    [[nodiscard]] PhaseState state() const {
+        return wrong_ ? PhaseState::set_value_wrong : length_.is_wrong() ? PhaseState::cycle_wrong : reference_.state();
+    }
     [[nodiscard]] std::int64_t error_ns() const { return reference_.error_ns(); }
     // The two controllers: one steers the reference clock, one the cycle. Both follow the clock of the NIC.
     [[nodiscard]] const PhaseController& reference() const { return reference_; }
@@ -66,6 +69,7 @@ class LinkLayerClock : public CycleClock {
         Duration lateness{};
     };
     [[nodiscard]] std::optional<Duration> take(Context& ctx, const Reading& reading);
+    [[nodiscard]] Duration coast(Master& master, Time sent);
 
     SendClock& nic_;
     Settings settings_;
@@ -73,6 +77,8 @@ class LinkLayerClock : public CycleClock {
     PhaseController cycle_;
     ClockRecord record_;
     Reading pending_;
+    CycleCheck length_;
+    std::int64_t earlier_ns_ = 0;  // the correction of the last cycle
     std::uint64_t without_stamp_ = 0;
     bool is_pending_ = false;
     bool was_in_sync_ = false;

@@ -120,7 +120,6 @@ class MasterClock : public CycleClock {
     [[nodiscard]] bool corrects() const {
         return settings_.mode == Mode::master_shift || settings_.mode == Mode::bus_shift;
     }
-    void check_cycle(std::uint64_t due_ns);
     Duration correct(Context& ctx, std::uint64_t due_ns, Time now);
 
     Settings settings_;
@@ -128,8 +127,7 @@ class MasterClock : public CycleClock {
     ClockRecord record_;
     PhaseState fault_ = PhaseState::idle;  // of the settings, or of the cycle
     bool was_in_sync_ = false;
-    std::uint8_t odd_cycles_ = 0;  // in succession
-    std::uint64_t last_due_ns_ = 0;
+    CycleCheck length_;
     Time read_at_{};  // of record_.bus_time_ns
     std::int64_t filtered_ps_ = 0;
     // Of master_reference: what is added to the master's time, so that the cycles have the phase of the set value.

@@ -42,13 +42,13 @@ struct PhaseSettings {
 
 enum class PhaseState : std::uint8_t {
     idle,  // no error was given yet
-    busy,  // not in sync yet
+    busy,  // not in sync yet, or was in sync and has had no reading for a second
     in_sync,
     drift_too_high,  // the clocks differ by more than PhaseSettings::most_drift_ppm
     // Was in sync, and an error has exceeded the limit; or the errors exceed PhaseSettings::outlier_ns again and again.
     error_too_large,
-    set_value_wrong,  // MasterClock: the set value is not less than a cycle, or there is no cycle
-    cycle_wrong,      // MasterClock: the application's cycle is not PhaseSettings::cycle
+    set_value_wrong,  // of a clock: the set value is not less than a cycle, or there is no cycle
+    cycle_wrong,      // of a clock: the application's cycle is not PhaseSettings::cycle
     mode_wrong,       // ExternalClock: the cycle steers the reference clock too
     not_reference,    // ExternalClock: the bridge is not the reference clock of its segment
 };
@@ -67,16 +67,20 @@ class PhaseController {
     }
     // The same when the last `late` corrections are not visible in this error.
     [[nodiscard]] std::int64_t update(std::int64_t error_ns, Time now, std::uint8_t late);
-    // One cycle without a reading: corrects the drift that is known.
-    [[nodiscard]] std::int64_t coast();
+    // One cycle without a reading: corrects the drift that is known. After a second (two cycles, if this is
+    // more) without a reading, the phase is not known any more: state() is busy instead of in_sync, until a reading is
+    // within the limit.
+    [[nodiscard]] std::int64_t coast(Time now);
     // One cycle in which this controller corrects nothing: updates the state and the statistics, and measures the drift
     // by the change of the error from cycle to cycle (the mean of the last 256). A program calls either update() or
     // observe() of one controller.
     void observe(std::int64_t error_ns, Time now);
     // As observe(), for a cycle without a reading.
-    void observe_nothing() { has_last_ = false; }
+    void observe_nothing(Time now);
 
-    [[nodiscard]] PhaseState state() const { return state_; }
+    [[nodiscard]] PhaseState state() const {
+        return unknown_ && state_ == PhaseState::in_sync ? PhaseState::busy : state_;
+    }
     // The drift between both clocks, in parts per thousand million: positive when the phase becomes later by itself.
     [[nodiscard]] std::int32_t drift_ppb() const;
     // The gain after the start, see PhaseSettings::gain_ppt; with automatic_gain, as the jitter allows it now.
@@ -93,7 +97,8 @@ class PhaseController {
   private:
     [[nodiscard]] bool is_outlier(std::int64_t error_ns);
     void watch(std::int64_t error_ns, Time now);
-    void note(std::int64_t error_ns);
+    void note(std::int64_t error_ns, Time now);
+    [[nodiscard]] bool is_silent(Time now) const;
     void learn_drift(std::int64_t change_fs);
     void measure_jitter(std::int64_t error_ns);
     [[nodiscard]] std::int64_t whole(std::int64_t correction_fs);
@@ -105,6 +110,7 @@ class PhaseController {
     std::uint16_t gain_ppt_ = 0;
     std::uint16_t pairs_ = 0;       // how many differences of two errors have been seen, at most kManyPairs
     bool has_last_ = false;         // the last cycle has brought an error that is no outlier
+    bool unknown_ = false;          // see coast()
     std::int64_t last_ns_ = 0;      // that error
     std::uint64_t jitter_ = 0;      // the mean of the squares of the jitter, in ns², times kManyPairs
     std::int64_t drift_fs_ = 0;     // in a cycle, in femtoseconds
@@ -113,10 +119,30 @@ class PhaseController {
     std::array<std::int64_t, PhaseSettings::kMostLate> moved_fs_{};
     PhaseState state_ = PhaseState::idle;
     Time within_since_ = kNever;
+    Time read_at_{};
     std::int64_t error_ns_ = 0;
     std::uint64_t sum_ns_ = 0;
     std::uint64_t most_ns_ = 0;
     std::uint64_t count_ = 0;
+};
+
+// Whether the application's cycle is that of the settings: wrong when it is an eighth longer or shorter several times
+// in succession.
+class CycleCheck {
+  public:
+    // One cycle that was due at `due_ns`, after a cycle that was corrected by `earlier_ns`. Only the low 32 bits of the
+    // time count, so `due_ns` may wrap. A cycle that does not fit these bits is never wrong.
+    void add(std::uint64_t due_ns, std::int64_t cycle_ns, std::int64_t earlier_ns);
+    // A cycle whose time is not known.
+    void skip() { known_ = false; }
+    void reset() { *this = CycleCheck{}; }
+    [[nodiscard]] bool is_wrong() const { return odd_ >= kTooOften; }
+
+  private:
+    static constexpr std::uint8_t kTooOften = 16;
+    std::uint64_t last_due_ns_ = 0;
+    std::uint8_t odd_ = 0;  // in succession
+    bool known_ = false;
 };
 
 // `time_ns` within a cycle of `cycle_ns`, less `wanted_ns`: from -cycle/2 to cycle/2.

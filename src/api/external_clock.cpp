@@ -5,6 +5,8 @@
 #include <margay/external_clock.hpp>
 #include <margay/margay.hpp>
 
+#include <algorithm>
+
 namespace margay {
 namespace {
 
@@ -36,19 +38,15 @@ void ExternalClock::restart() {
     silent_ = kSilent;
 }
 
-// True when the bridge has noted both times again. The "Time stamp update toggle" does not show this, because the
-// bridge may note the times an even number of times in one cycle.
-bool ExternalClock::take_stamps() {
-    const std::uint64_t stamp_ns = internal_.read();
-    const bool fresh = !not_connected_.read() && stamp_ns != stamp_ns_ && stamp_ns != 0;
+// True when the bridge has noted both times again: `fresh` inputs, and another time. The "Time stamp update toggle"
+// does not show this, because the bridge may note the times an even number of times in one cycle.
+bool ExternalClock::take_stamps(bool fresh) {
+    const std::uint64_t stamp_ns = fresh ? internal_.read() : stamp_ns_;
+    const bool came = fresh && !not_connected_.read() && stamp_ns != stamp_ns_ && stamp_ns != 0;
     stamp_ns_ = stamp_ns;
-    if (!fresh) {
-        if (silent_ < kSilent) ++silent_;
-        return false;
-    }
-    silent_ = 0;
-    difference_ns_ = static_cast<std::int64_t>(internal_.read() - external_.read());
-    return true;
+    if (came) difference_ns_ = static_cast<std::int64_t>(stamp_ns - external_.read());
+    silent_ = came ? std::uint8_t{0} : static_cast<std::uint8_t>(std::min<int>(silent_ + 1, kSilent));
+    return came;
 }
 
 // The number of corrections that the time stamps do not include yet: a correction takes effect when the next cycle
@@ -62,24 +60,29 @@ std::uint8_t ExternalClock::not_visible(bool waits) const {
 
 Duration ExternalClock::update(Context& ctx, Duration lateness) {
     if (fault_ == PhaseState::mode_wrong || fault_ == PhaseState::set_value_wrong) return Duration{0};
-    const Duration earlier = cycle_.update(ctx, lateness);
     Master* master = master_of(ctx);
-    if (master == nullptr || !internal_.mapped()) return earlier;
+    if (master == nullptr || settings_.cycle.group >= master->network.process.groups.size()) return Duration{0};
+    const Duration earlier = cycle_.update(ctx, lateness);
     Network& network = master->network;
-    const bool is_reference = network.clocks.reference == internal_.address().slave;
-    fault_ = is_reference ? PhaseState::idle : PhaseState::not_reference;
-    if (!is_reference) return earlier;
+    const std::uint16_t bridge = internal_.address().slave;
+    const bool came = take_stamps(internal_.mapped() && inputs_fresh(ctx, bridge));
+    const bool is_reference = internal_.mapped() && network.clocks.reference == bridge;
+    fault_ = is_reference || !internal_.mapped() ? PhaseState::idle : PhaseState::not_reference;
+    if (!is_reference) {
+        reference_.observe_nothing(network.engine.now());
+        return earlier;
+    }
     const Time now = cycle_.record().at;
     const bool waits = waits_for_cycle(network, now, settings_.phase.cycle);
     const std::uint32_t under_way = cycles_without_time(network.process.groups[settings_.cycle.group]);
     std::int64_t correction = 0;
-    if (inputs_fresh(ctx, internal_.address().slave) && take_stamps()) {
+    if (came) {
         const auto grid = static_cast<std::uint64_t>(settings_.grid.count());
         const std::uint64_t ahead = internal_.read() % grid + (grid - external_.read() % grid);
         correction = reference_.update(phase_error_ns(ahead, grid, settings_.offset.count()), now,
                                        static_cast<std::uint8_t>(not_visible(waits) + under_way));
     } else {
-        correction = reference_.coast();
+        correction = reference_.coast(network.engine.now());
     }
     shift_reference(*master, correction, settings_.phase.cycle, waits);
     return earlier;

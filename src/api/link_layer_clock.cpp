@@ -22,6 +22,9 @@ void LinkLayerClock::restart() {
     reference_.start(for_bus_shift(settings_.phase));
     record_ = {.set_value_ns = settings_.set_value.count(), .cycle_ns = settings_.phase.cycle.count()};
     wrong_ = !is_in_cycle(settings_.set_value, settings_.phase.cycle);
+    record_.state = state();
+    length_.reset();
+    earlier_ns_ = 0;
     is_pending_ = was_in_sync_ = false;
     pending_ = {};
     without_stamp_ = 0;
@@ -50,12 +53,12 @@ std::optional<Duration> LinkLayerClock::take(Context& ctx, const Reading& readin
     record_.error_ns = error;
     record_.filtered_ns += (error - record_.filtered_ns) / 16;
     record_.drift_ppb = reference_.drift_ppb();
-    record_.state = reference_.state();
     record_.adjust_ns = correction;
     record_.adjusted_ns += correction;
     if (network.clocks.reference != 0)
         record_.start_time_ns = network.clocks.entries[network.clocks.reference - 1U].sync_start_ns;
     const std::uint64_t due_ns = *sent_ns - static_cast<std::uint64_t>(reading.lateness.count());
+    length_.add(due_ns, settings_.phase.cycle.count(), earlier_ns_);
     return Duration(cycle_.update(phase_error_ns(due_ns, cycle, 0), reading.at,
                                   static_cast<std::uint8_t>(settings_.phase.cycles_late + pending)));
 }
@@ -82,18 +85,30 @@ Duration LinkLayerClock::update(Context& ctx, Duration lateness) {
         is_pending_ = earlier.has_value();  // a correction that was made in this update()
         const auto now = take(ctx, pending_);
         is_pending_ = !now;
-        if (now) earlier = now;
+        if (now) earlier = earlier.value_or(Duration{0}) + *now;
     }
     record_.read = earlier.has_value();
-    const bool in_sync = state() == PhaseState::in_sync;
+    if (!earlier) earlier = coast(*master, time_sent_at(group, network.engine.link()));
+    earlier_ns_ = earlier->count();
+    record_.state = state();
+    const bool in_sync = record_.state == PhaseState::in_sync;
     if (in_sync != was_in_sync_)
         network.report({.kind = in_sync ? EventKind::master_in_sync : EventKind::master_out_of_sync,
                         .actual = static_cast<std::uint32_t>(record_.error_ns)});
     was_in_sync_ = in_sync;
-    if (earlier) return *earlier;
-    const bool waits = waits_for_cycle(network, time_sent_at(group, network.engine.link()), settings_.phase.cycle);
-    shift_reference(*master, reference_.coast(), settings_.phase.cycle, waits);
-    return Duration(cycle_.coast());
+    return *earlier;
+}
+
+// One cycle without a reading. `sent`: when it was sent.
+Duration LinkLayerClock::coast(Master& master, Time sent) {
+    const Time now = master.network.engine.now();
+    length_.skip();
+    record_.at = sent;
+    record_.adjust_ns = reference_.coast(now);
+    record_.adjusted_ns += record_.adjust_ns;
+    shift_reference(master, record_.adjust_ns, settings_.phase.cycle,
+                    waits_for_cycle(master.network, sent, settings_.phase.cycle));
+    return Duration(cycle_.coast(now));
 }
 
 }  // namespace margay

@@ -25,30 +25,9 @@ void MasterClock::restart() {
     record_ = {.set_value_ns = settings_.set_value.count(), .cycle_ns = phase.cycle.count()};
     fault_ = is_in_cycle(settings_.set_value, phase.cycle) ? PhaseState::idle : PhaseState::set_value_wrong;
     was_in_sync_ = false;
-    odd_cycles_ = 0;
-    last_due_ns_ = 0;
+    length_.reset();
     filtered_ps_ = 0;
     has_shift_ = false;
-}
-
-// If the cycle is an eighth longer or shorter than its setting several times in succession, the application uses
-// another cycle. The times of a 32-bit clock wrap, so the low halves are compared.
-void MasterClock::check_cycle(std::uint64_t due_ns) {
-    constexpr std::uint8_t kTooOften = 16;
-    const std::int64_t cycle = settings_.phase.cycle.count();
-    const auto passed = static_cast<std::int32_t>(static_cast<std::uint32_t>(due_ns - last_due_ns_));
-    const std::int64_t corrected = settings_.mode == Mode::master_shift ? record_.adjust_ns : 0;
-    const std::int64_t expected = std::min<std::int64_t>(cycle, INT32_MAX) - corrected;
-    const bool known = last_due_ns_ != 0 && cycle <= INT32_MAX;
-    const std::int64_t away = !known ? 0 : passed > expected ? passed - expected : expected - passed;
-    last_due_ns_ = due_ns;
-    if (!known || away <= cycle / 8) {
-        odd_cycles_ = 0;
-        if (fault_ == PhaseState::cycle_wrong && known) fault_ = PhaseState::idle;
-        return;
-    }
-    if (odd_cycles_ < kTooOften) ++odd_cycles_;
-    if (odd_cycles_ >= kTooOften) fault_ = PhaseState::cycle_wrong;
 }
 
 Duration MasterClock::update(Context& ctx, Duration lateness) {
@@ -73,27 +52,25 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
         return in_sync;
     };
     if (!record_.read) {
-        last_due_ns_ = 0;
-        if (!corrects()) controller_.observe_nothing();
-        record_.adjust_ns = corrects() ? controller_.coast() : 0;
+        length_.skip();
+        const Time now = network.engine.now();
+        if (!corrects()) controller_.observe_nothing(now);
+        record_.adjust_ns = corrects() ? controller_.coast(now) : 0;
         record_.adjusted_ns += record_.adjust_ns;
         if (settings_.mode == Mode::bus_shift)
             shift_reference(*master, record_.adjust_ns, settings_.phase.cycle,
                             waits_for_cycle(network, record_.at, settings_.phase.cycle));
-        // After this time without a correction, the phase is not known any more.
-        constexpr Duration kLongestWithout = std::chrono::seconds(1);
-        if (was_in_sync_ && network.engine.now() - read_at_ > kLongestWithout) fault_ = PhaseState::busy;
         (void)tell_state();
         return Duration(settings_.mode == Mode::master_shift ? record_.adjust_ns : 0);
     }
-    if (fault_ == PhaseState::busy) fault_ = PhaseState::idle;
     const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
     record_.bus_time_ns = whole_bus_time(network, group, record_.at, record_.bus_time_ns, read_at_);
     record_.bus_time_off_ns = record_.bus_time_ns % cycle;
     read_at_ = record_.at;
     refresh_system_time(network);
     const std::uint64_t due_ns = record_.bus_time_ns - static_cast<std::uint64_t>(lateness.count());
-    check_cycle(due_ns);
+    length_.add(due_ns, settings_.phase.cycle.count(), settings_.mode == Mode::master_shift ? record_.adjust_ns : 0);
+    fault_ = length_.is_wrong() ? PhaseState::cycle_wrong : PhaseState::idle;
     const Duration earlier = correct(ctx, due_ns, record_.at);
     const bool begins = tell_state();
     network.clocks.paced_ns = was_in_sync_ ? cycle : 0;

@@ -1,6 +1,7 @@
 #include <margay/phase_controller.hpp>
 
 #include <algorithm>
+#include <utility>
 
 namespace margay {
 namespace {
@@ -143,7 +144,17 @@ void PhaseController::learn_drift(std::int64_t change_fs) {
         ++saturated_;
 }
 
-void PhaseController::note(std::int64_t error_ns) {
+// Whether the phase may have left the limit since the last reading.
+bool PhaseController::is_silent(Time now) const {
+    constexpr Duration kLongest = std::chrono::seconds(1);
+    const Duration silent = now - read_at_;
+    return silent > kLongest && silent / 2 > settings_.cycle;
+}
+
+void PhaseController::note(std::int64_t error_ns, Time now) {
+    if (is_silent(now) && state_ != PhaseState::in_sync) within_since_ = kNever;
+    read_at_ = now;
+    unknown_ = false;
     error_ns_ = error_ns;
     sum_ns_ += magnitude(error_ns);
     most_ns_ = std::max(most_ns_, magnitude(error_ns));
@@ -166,10 +177,10 @@ std::int64_t PhaseController::whole(std::int64_t correction_fs) {
 }
 
 std::int64_t PhaseController::update(std::int64_t error_ns, Time now, std::uint8_t late) {
-    note(error_ns);
+    note(error_ns, now);
     const bool outlier = is_outlier(error_ns);
     watch(error_ns, now);
-    if (outlier) return coast();
+    if (outlier) return coast(now);
     error_ns = limited(error_ns, kMostError_ns);
     if (settings_.automatic_gain) measure_jitter(error_ns);
     if (seen_ < kMostSeen) ++seen_;
@@ -190,7 +201,7 @@ std::int64_t PhaseController::update(std::int64_t error_ns, Time now, std::uint8
 
 void PhaseController::observe(std::int64_t error_ns, Time now) {
     constexpr std::int64_t kFsInNs = 1'000'000;
-    note(error_ns);
+    note(error_ns, now);
     const std::int64_t seen_ns = error_ns;
     error_ns = limited(error_ns, kMostObserved_ns);
     const std::int64_t cycle_ns = std::max<std::int64_t>(settings_.cycle.count(), 0);
@@ -209,9 +220,26 @@ void PhaseController::observe(std::int64_t error_ns, Time now) {
     watch(seen_ns, now);
 }
 
-std::int64_t PhaseController::coast() {
-    has_last_ = false;
+std::int64_t PhaseController::coast(Time now) {
+    observe_nothing(now);
     return whole(drift_fs_);
+}
+
+void PhaseController::observe_nothing(Time now) {
+    has_last_ = false;
+    unknown_ |= is_silent(now);
+}
+
+void CycleCheck::add(std::uint64_t due_ns, std::int64_t cycle_ns, std::int64_t earlier_ns) {
+    const auto passed = static_cast<std::int32_t>(static_cast<std::uint32_t>(due_ns - last_due_ns_));
+    const std::int64_t expected = std::min<std::int64_t>(cycle_ns, INT32_MAX) - earlier_ns;
+    const std::int64_t away = passed > expected ? passed - expected : expected - passed;
+    last_due_ns_ = due_ns;
+    if (!std::exchange(known_, true) || cycle_ns > INT32_MAX) return;
+    if (away <= cycle_ns / 8)
+        odd_ = 0;
+    else if (odd_ < kTooOften)
+        ++odd_;
 }
 
 }  // namespace margay

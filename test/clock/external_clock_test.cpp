@@ -201,6 +201,28 @@ TEST_F(TwoSegments, ABridgeThatIsLostKeepsTheRate) {
     EXPECT_LE(most, 500);
 }
 
+// Without time stamps, a change of the drift is not seen.
+TEST_F(TwoSegments, WithoutTimeStampsTheStateIsNotInSync) {
+    bring_up();
+    run(6000);
+    ASSERT_EQ(of_second->state(), PhaseState::in_sync);
+    first.segment.set_power(1, false, bus.osal.now());
+    run(900);
+    EXPECT_EQ(of_second->state(), PhaseState::in_sync) << "the rate that was learned is kept";
+    run(200);
+    EXPECT_EQ(of_second->state(), PhaseState::busy);
+    EXPECT_EQ(of_second->cycle().state(), PhaseState::in_sync) << "the cycle follows its own reference clock";
+    first.segment.set_power(1, true, bus.osal.now());
+    run(6000);
+    EXPECT_EQ(of_second->state(), PhaseState::in_sync);
+    // No frame comes back, so nothing is known of the bridge.
+    second.segment.set_noise({.lost = 1});
+    run(20);
+    EXPECT_FALSE(of_second->connected());
+    run(1100);
+    EXPECT_EQ(of_second->state(), PhaseState::busy);
+}
+
 // The bridge carries process data too.
 TEST_F(TwoSegments, OutputsOfOneHalfAreInputsOfTheOther) {
     bring_up();
@@ -231,6 +253,9 @@ TEST_F(TwoSegments, MistakesAreSaid) {
     // The settings that the clock of the cycle refuses are refused with a grid, too.
     ExternalClock grid_alone(2, {.cycle = {.mode = MasterClock::Mode::off, .phase = {.cycle = 0us}}, .grid = 1ms});
     EXPECT_EQ(grid_alone.state(), PhaseState::set_value_wrong);
+    ExternalClock no_group(2, {.cycle = {.group = 200, .phase = {.cycle = 1ms}}});
+    EXPECT_EQ(no_group.update(second.ctx, 0us), 0us);
+    EXPECT_FALSE(no_group.connected());
     ExternalClock outside(2, {.cycle = {.set_value = 2ms, .phase = {.cycle = 1ms}}});
     EXPECT_EQ(outside.cycle().state(), PhaseState::set_value_wrong);
     EXPECT_EQ(outside.state(), PhaseState::set_value_wrong);

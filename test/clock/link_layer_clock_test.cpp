@@ -143,7 +143,50 @@ TEST_F(LinkLayerClockTest, ANicWithoutStampsCorrectsNothingAndSaysSo) {
     EXPECT_FALSE(clock.record().read);
     LinkLayerClock wrong(*nic, {.set_value = 1ms, .phase = {.cycle = 1ms}});
     EXPECT_EQ(wrong.state(), PhaseState::set_value_wrong);
+    EXPECT_EQ(wrong.record().state, PhaseState::set_value_wrong) << "for the log";
     EXPECT_EQ(wrong.update(*ctx, 0us), Duration{0});
+}
+
+// A NIC that gives time stamps for some time only.
+struct StampsThatStop final : SendClock {
+    SimulatedNic& nic;
+    bool stopped = false;
+
+    explicit StampsThatStop(SimulatedNic& of) : nic(of) {}
+    std::optional<std::uint64_t> send_time_ns(Bytes head) noexcept override {
+        if (stopped) return std::nullopt;
+        return nic.send_time_ns(head);
+    }
+};
+
+TEST_F(LinkLayerClockTest, WithoutReadingsTheStateIsNotInSync) {
+    bring_up();
+    StampsThatStop stamps(*nic);
+    LinkLayerClock clock(stamps, {.phase = {.cycle = 1ms}});
+    run_cycles(clock, 4000, 0);
+    ASSERT_EQ(clock.state(), PhaseState::in_sync);
+    stamps.stopped = true;
+    const std::int64_t before = clock.record().adjusted_ns;
+    run_cycles(clock, 900, 0);
+    EXPECT_EQ(clock.state(), PhaseState::in_sync) << "the rate that was learned is kept";
+    EXPECT_NEAR(static_cast<double>(clock.record().adjusted_ns - before), -140.0 * 900, 140.0 * 90) << "for the log";
+    run_cycles(clock, 200, 0);
+    EXPECT_EQ(clock.state(), PhaseState::busy);
+    EXPECT_EQ(clock.record().state, PhaseState::busy);
+    stamps.stopped = false;
+    run_cycles(clock, 4000, 0);
+    EXPECT_EQ(clock.state(), PhaseState::in_sync);
+    segment.set_noise({.lost = 1});
+    run_cycles(clock, 1100, 0);
+    EXPECT_EQ(clock.state(), PhaseState::busy);
+}
+
+TEST_F(LinkLayerClockTest, ACycleThatIsNotThatOfTheSettingsIsSaid) {
+    bring_up();
+    LinkLayerClock clock(*nic, {.phase = {.cycle = 2ms}});
+    run_cycles(clock, 4000, 0);
+    EXPECT_EQ(clock.state(), PhaseState::cycle_wrong) << to_text(clock.state());
+    EXPECT_EQ(clock.record().state, PhaseState::cycle_wrong);
 }
 
 // A NIC whose time stamps are readable one cycle late.

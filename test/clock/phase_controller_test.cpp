@@ -147,7 +147,7 @@ TEST(PhaseControl, GapsAndOutliersAreNoJitter) {
     const auto before = plant.controller.jitter_ns();
     for (int n = 0; n < 300; ++n) {
         (void)plant.step(n % 3 == 0 ? 60'000 : 0);
-        if (n % 5 == 0) (void)plant.controller.coast();
+        if (n % 5 == 0) (void)plant.controller.coast(plant.now);
         plant.phase_ns += n % 5 == 0 ? plant.drift_ns - 100 : 0;
     }
     EXPECT_NEAR(plant.controller.jitter_ns(), before, before / 4.0 + 5);
@@ -236,8 +236,40 @@ TEST(PhaseControl, CyclesWithoutAReadingKeepTheDrift) {
     plant.drift_ns = 50;
     plant.start();
     plant.run(1000);
-    for (int n = 0; n < 100; ++n) plant.phase_ns += plant.drift_ns - static_cast<double>(plant.controller.coast());
+    for (int n = 0; n < 100; ++n) {
+        plant.now += plant.settings.cycle;
+        plant.phase_ns += plant.drift_ns - static_cast<double>(plant.controller.coast(plant.now));
+    }
     EXPECT_LT(std::abs(plant.phase_ns), 10) << "100 cycles of 50 ns without it: 5000";
+}
+
+// Without readings, the phase moves by each change of the drift.
+TEST(PhaseControl, IsNotInSyncAfterASecondWithoutAReading) {
+    SteeredCycle plant;
+    plant.start();
+    plant.run(2000);
+    const auto coast = [&plant](int cycles) {
+        for (int n = 0; n < cycles; ++n, plant.now += plant.settings.cycle) (void)plant.controller.coast(plant.now);
+    };
+    coast(1000);
+    EXPECT_EQ(plant.controller.state(), PhaseState::in_sync);
+    coast(1);
+    EXPECT_EQ(plant.controller.state(), PhaseState::busy);
+    (void)plant.step();
+    EXPECT_EQ(plant.controller.state(), PhaseState::in_sync) << "the reading is within the limit";
+    coast(1100);
+    (void)plant.step(5000);
+    EXPECT_EQ(plant.controller.state(), PhaseState::error_too_large);
+    coast(5000);
+    (void)plant.step();
+    EXPECT_EQ(plant.controller.state(), PhaseState::error_too_large) << "a silence does not count as settled";
+    // A cycle that is longer than a second has a reading in each cycle.
+    plant.settings.cycle = 4s;
+    plant.start();
+    plant.run(10);
+    EXPECT_EQ(plant.controller.state(), PhaseState::in_sync);
+    coast(3);
+    EXPECT_EQ(plant.controller.state(), PhaseState::busy);
 }
 
 TEST(PhaseControl, TellsWhenItIsInSync) {
@@ -281,7 +313,7 @@ TEST(PhaseControl, GreatErrorsAreLimited) {
                 for (int n = 0; n < 64; ++n) {
                     const std::int64_t error = kExtreme[static_cast<std::size_t>(n * 5) % kExtreme.size()];
                     EXPECT_LE(std::abs(controller.update(error, Time{})), 9'000'000'000);
-                    EXPECT_LE(std::abs(controller.coast()), 9'000'000'000);
+                    EXPECT_LE(std::abs(controller.coast(Time{})), 9'000'000'000);
                     controller.observe(error, Time{});
                     EXPECT_NE(controller.drift_ppb(), INT32_MIN);
                 }
