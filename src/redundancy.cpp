@@ -25,7 +25,7 @@ struct TwoCables {
     RingWatch watch;
 };
 static_assert(std::is_trivially_destructible_v<FramePair>);
-constexpr std::size_t kCables = sizeof(void*) == 8 ? 1232 : 1184;
+constexpr std::size_t kCables = sizeof(void*) == 8 ? 1248 : 1200;
 constexpr std::size_t kPair = 3088;
 constexpr bool kExact = alignof(std::uint64_t) == 8;
 // Rounded up, so that the pairs and the context begin at an aligned address. Some processors with pointers of 32 bits

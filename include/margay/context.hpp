@@ -42,7 +42,7 @@ struct Master;
     constexpr std::size_t kMarksBytes = 24;                          // the marks of a slave
     constexpr std::size_t kClockBytes = 176;
     constexpr std::size_t kDelayBytes = 40;                    // a place in the topology
-    constexpr std::size_t kCablesBytes = kWide ? 1232 : 1184;  // the merging of two cables
+    constexpr std::size_t kCablesBytes = kWide ? 1248 : 1200;  // the merging of two cables
     constexpr std::size_t kPairBytes = 3088;                   // a frame on both cables
     constexpr std::size_t kBlockBytes = 64;                    // of the arena; one more octet manages it
     const std::uint64_t pairs = limits.redundancy ? limits.frames + 2U * limits.process_frames : 0;

@@ -100,6 +100,7 @@ class PhaseController {
     void note(std::int64_t error_ns, Time now);
     [[nodiscard]] bool is_silent(Time now) const;
     void learn_drift(std::int64_t change_fs);
+    void watch_limited(std::int64_t error_ns, std::uint8_t late);
     void measure_jitter(std::int64_t error_ns);
     [[nodiscard]] std::int64_t whole(std::int64_t correction_fs);
 
@@ -108,6 +109,7 @@ class PhaseController {
     std::uint8_t outliers_ = 0;
     std::uint8_t saturated_ = 0;  // errors in succession that want a greater drift than the settings allow
     std::uint16_t gain_ppt_ = 0;
+    std::uint16_t held_ = 0;        // errors whose correction is the greatest step, at most kManyHeld
     std::uint16_t pairs_ = 0;       // how many differences of two errors have been seen, at most kManyPairs
     bool has_last_ = false;         // the last cycle has brought an error that is no outlier
     bool unknown_ = false;          // see coast()
@@ -115,6 +117,8 @@ class PhaseController {
     std::uint64_t jitter_ = 0;      // the mean of the squares of the jitter, in ns², times kManyPairs
     std::int64_t drift_fs_ = 0;     // in a cycle, in femtoseconds
     std::int64_t fraction_fs_ = 0;  // not corrected yet
+    std::int64_t held_fs_ = 0;      // the drift in a cycle while each correction is the greatest step
+    std::int64_t held_ns_ = 0;      // the last error of them
     // The last corrections without their drift, the youngest first: the phase moves by them.
     std::array<std::int64_t, PhaseSettings::kMostLate> moved_fs_{};
     PhaseState state_ = PhaseState::idle;

@@ -44,14 +44,25 @@ Task<Result<>> read_edge(Network& network, LatchRequest& request, unsigned which
     co_return Nothing{};
 }
 
+// Whether the clock of the slave shows the system time, as far as configdc() has set it. A clock that was reset shows
+// its own time until the slave has its offset again.
+Task<Result<bool>> has_system_time(Network& network, const Slave& slave) {
+    if (network.clocks.entries.empty() || network.clocks.of(slave).offset_ns == 0) co_return true;
+    const auto offset = co_await required(read<std::uint64_t>(network.station(slave), reg::kSystemTimeOffset, kStep));
+    co_return offset != 0;
+}
+
 // One reading of the status. A slave that was reset has lost the latch control.
 Task<Result<>> look_once(Network& network, LatchRequest& request) {
     if (check_same_slave(network, request.slave, kStep).code != Errc::none) co_return Nothing{};
     const Station station = network.station(network.slave(request.slave));
     refresh_system_time(network);  // a clock of 32 bits wraps
     const auto seen = co_await required(read<std::uint64_t>(station, kControlAndStatus, kStep));
-    if (static_cast<std::uint16_t>(seen) != kBothEdges)
+    if (static_cast<std::uint16_t>(seen) != kBothEdges) {
+        const bool set = co_await required(has_system_time(network, network.slave(request.slave)));
+        if (!set) co_return Nothing{};
         co_return co_await required(write(station, kControl, kBothEdges, kStep));
+    }
     const unsigned edges = edges_of(seen);
     for (unsigned which = 0; which < request.edges.size(); ++which) {
         if ((edges >> which & 1U) == 0) continue;

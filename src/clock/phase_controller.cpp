@@ -44,6 +44,7 @@ Gains gains_after(std::uint32_t n, std::uint16_t gain_ppt, std::uint16_t drift_g
 
 constexpr std::uint32_t kMostSeen = 100'000;  // 4 / kMostSeen is below every gain
 constexpr std::uint16_t kManyPairs = 256;
+constexpr std::uint16_t kManyHeld = 1024;  // a jitter of 50 µs is then 70 ns in a cycle
 constexpr std::uint8_t kSaturatedTooOften = 32;
 
 // The square root, rounded down.
@@ -151,6 +152,21 @@ bool PhaseController::is_silent(Time now) const {
     return silent > kLongest && silent / 2 > settings_.cycle;
 }
 
+// The phase is being moved by the greatest step. The change of the error and the correction that it shows are together
+// the drift: if it exceeds what an ESC can follow, the phase never arrives.
+void PhaseController::watch_limited(std::int64_t error_ns, std::uint8_t late) {
+    const std::int64_t cycle_ns = std::max<std::int64_t>(settings_.cycle.count(), 0);
+    std::int64_t change_ns = error_ns - std::exchange(held_ns_, error_ns);
+    if (change_ns > cycle_ns / 2) change_ns -= cycle_ns;
+    if (change_ns < -cycle_ns / 2) change_ns += cycle_ns;
+    if (held_ < kManyHeld) ++held_;
+    const std::int64_t seen_fs = moved_fs_[std::min<std::size_t>(late, moved_fs_.size() - 1)] + drift_fs_;
+    const std::int64_t drift_fs = held_ == 1 ? 0 : change_ns * 1'000'000 + seen_fs;
+    held_fs_ = held_ == 1 ? 0 : held_fs_ + (drift_fs - held_fs_) / (held_ - 1);
+    const std::uint64_t limit_fs = magnitude(greatest_drift_fs(settings_));
+    saturated_ = held_ >= kManyHeld && magnitude(held_fs_) > limit_fs ? kSaturatedTooOften : std::uint8_t{0};
+}
+
 void PhaseController::note(std::int64_t error_ns, Time now) {
     if (is_silent(now) && state_ != PhaseState::in_sync) within_since_ = kNever;
     read_at_ = now;
@@ -191,10 +207,13 @@ std::int64_t PhaseController::update(std::int64_t error_ns, Time now, std::uint8
     const std::int64_t phase_fs = error_ps * gains.phase_ppm / 1000;
     if (settings_.most_step_ns != 0 && magnitude(phase_fs) > std::uint64_t{settings_.most_step_ns} * 1'000'000) {
         seen_ = 0;  // the phase is being moved, so the error does not show the drift
+        watch_limited(error_ns, late);
         // A drift that holds the phase back may be that of a clock that was steered before this one: it is forgotten.
         if ((phase_fs < 0) != (drift_fs_ < 0)) drift_fs_ -= drift_fs_ / 64;
         return whole(phase_fs + drift_fs_);
     }
+    // The phase may cross its set value without staying there.
+    if (held_ != 0) held_ = static_cast<std::uint16_t>(held_ - held_ / 16 - 1);
     learn_drift(error_ps / 1000 * gains.drift_ppb / 1000);
     return whole(phase_fs + drift_fs_);
 }

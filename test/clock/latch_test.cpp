@@ -57,6 +57,25 @@ struct Latches : testing::Test, ClockBus {
     }
 };
 
+// A slave that was reset shows the time since then until its clock is set again.
+TEST_F(Latches, AnEdgeBeforeTheClockIsSetAgainIsNotReported) {
+    bring_up();
+    segment.set_power(1, false, osal.now());
+    cycles(100);
+    segment.set_power(1, true, osal.now());
+    std::uint32_t seen = request.edges[0].count;
+    int after = 0;
+    for (int n = 0; n < 2000; ++n) {
+        const std::uint64_t time = edge(0, true);
+        cycles(1);
+        if (request.edges[0].count == seen) continue;
+        seen = request.edges[0].count;
+        ++after;
+        EXPECT_LE(std::abs(static_cast<std::int64_t>(request.edges[0].time_ns - time)), 20'000'000) << n;
+    }
+    EXPECT_GE(after, 500) << "the clock is set, and the latch control is written again";
+}
+
 TEST_F(Latches, EachEdgeHasItsTime) {
     bring_up();
     (void)events();

@@ -320,6 +320,30 @@ TEST(PhaseControl, GreatErrorsAreLimited) {
             }
 }
 
+// Bus shift: no step is greater than the other clocks can follow, so the phase never arrives.
+TEST(PhaseControl, TellsADriftThatIsGreaterThanTheGreatestStep) {
+    for (const double drift_ns : {650.0, -650.0, 1500.0, 500.0, -500.0}) {
+        SCOPED_TRACE(drift_ns);
+        SteeredCycle plant;
+        plant.settings = for_bus_shift({});
+        plant.drift_ns = drift_ns;
+        plant.jitter_ns = 20'000;
+        plant.phase_ns = 400'000;
+        plant.start();
+        int said = 0;
+        for (int n = 0; n < 8000; ++n) {
+            (void)plant.step();
+            if (plant.phase_ns > 500'000) plant.phase_ns -= 1'000'000;
+            if (plant.phase_ns < -500'000) plant.phase_ns += 1'000'000;
+            said += plant.controller.state() == PhaseState::drift_too_high ? 1 : 0;
+        }
+        if (std::abs(drift_ns) > 600)
+            EXPECT_GE(said, 5000);
+        else
+            EXPECT_EQ(said, 0);
+    }
+}
+
 TEST(PhaseControl, TellsADriftThatNoChipCanFollow) {
     SteeredCycle plant;
     plant.drift_ns = 700;  // 700 ppm
