@@ -11,6 +11,13 @@ static std::string_view states_text(const Error& where) {
     return "the state must be INIT, PREOP, SAFEOP or OP";
 }
 
+static std::string_view sync_start_text(const Error& where) {
+    if (where.expected != 0)
+        return "the start of SYNC0 is more than 4.29 s ahead, and the clock of the slave has 32 bits";
+    if (where.actual != 0) return "each time the start of SYNC0 has passed before the slave activated it";
+    return "ClockSettings::start_time has returned a time that has passed";
+}
+
 std::string_view argument_text(Argument argument, const Error& where) {
     switch (argument) {
         case Argument::unknown: break;
@@ -86,7 +93,7 @@ std::string_view argument_text(Argument argument, const Error& where) {
             return "the message of the start-up command writes or sets nothing, contradicts itself or does not fit the "
                    "mailbox";
         case Argument::second_nic: return "the second NIC is the first one: a ring needs two";
-        case Argument::sync_start: return "ClockSettings::start_time has returned a time that has passed";
+        case Argument::sync_start: return sync_start_text(where);
     }
     return {};
 }

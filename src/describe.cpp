@@ -195,14 +195,6 @@ void write_argument(TextWriter& out, const Error& e) {
             << e.expected << " ns, so its phase to the frames changes";
         return;
     }
-    if (argument == Argument::sync_start && e.expected != 0) {
-        out << "the start of SYNC0 is more than 4.29 s ahead, and the clock of the slave has 32 bits";
-        return;
-    }
-    if (argument == Argument::sync_start && e.actual != 0) {
-        out << "the start of SYNC0 has passed before the slave activated it, in " << e.actual << " tries";
-        return;
-    }
     if (argument == Argument::empty_group) {
         out << "no slave has group " << e.actual << " in SlaveConfiguration::group";
         return;
