@@ -215,6 +215,10 @@ class Redundancy final : public Nic, public Cables {
     void note_miss(const FramePair& pair, unsigned nic) noexcept;
     void note_probe(Bytes frame, unsigned at, unsigned from) noexcept;
     [[nodiscard]] static bool is_misplaced(const FramePair& pair, unsigned processed) noexcept;
+    // The ring has changed between both copies: one copy has passed all slaves, and the other copy some of them. What
+    // only the other copy has read from or written to a slave by its station address comes into the complete copy.
+    // `last`: the copy that came last.
+    static void take_messages(FramePair& pair, MutableBytes last, bool last_is_complete) noexcept;
     [[nodiscard]] std::size_t finish(FramePair& pair, MutableBytes frame, unsigned from) noexcept;
 
     std::array<Nic*, 2> nics_;

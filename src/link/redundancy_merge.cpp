@@ -43,6 +43,23 @@ void merge_replies(MutableBytes into, Bytes other, Bytes sent) noexcept {
     }
 }
 
+// A mailbox gives each message once, and accepts a message once until the slave has read it. So it is empty or full for
+// the complete copy, if the other copy was processed before it.
+void Redundancy::take_messages(FramePair& pair, MutableBytes last, bool last_is_complete) noexcept {
+    const auto back = MutableBytes(pair.back).first(pair.size);
+    const auto complete = last_is_complete ? last : back;
+    const auto other = last_is_complete ? Bytes(back) : Bytes(last);
+    wire::DatagramReader reader(Bytes(pair.out).first(pair.size));
+    while (const auto d = reader.next()) {
+        if (d->header.command != wire::Command::FPRD && d->header.command != wire::Command::FPWR) continue;
+        const std::size_t data = d->offset + wire::kDatagramHeaderBytes;
+        const std::size_t counter = data + d->data.size();
+        if (load_le<std::uint16_t>(complete, counter) != 0 || load_le<std::uint16_t>(other, counter) == 0) continue;
+        const auto from = other.subspan(data, d->data.size() + sizeof(std::uint16_t));
+        std::ranges::copy(from, complete.begin() + static_cast<std::ptrdiff_t>(data));
+    }
+}
+
 // Whether the positions of one copy were moved by another number of slaves than the other copy has passed: then the
 // ring has changed meanwhile.
 bool Redundancy::is_misplaced(const FramePair& pair, unsigned processed) noexcept {

@@ -136,5 +136,56 @@ TEST_F(Walk, MailWhileEveryCableBreaksAndHeals) {
     }
 }
 
+// A cable breaks or heals at any frame of a mail transfer, also between both copies of a frame. No message is lost, so
+// no transfer waits for an answer until its timeout.
+TEST_F(Walk, TheRingChangesAtAnyFrameOfAMailTransfer) {
+    bus = std::make_unique<RingBus>();
+    const auto add = [&] {
+        auto stack = std::make_unique<StackSlave>(std::uint16_t{128}, true);
+        sim::Device device;
+        device.chip = StackSlave::chip();
+        device.sii = stack->sii();
+        device.firmware = std::move(stack);
+        (void)bus->add_to_ring(std::move(device));
+    };
+    for (const bool mail : {false, true, false, true, false}) mail ? add() : (void)bus->add_to_ring();
+    bus->close_ring();
+    bus->start();
+    bus->run();
+    const auto transfer = [&](SdoDownload& write, SdoUpload& read, std::size_t cable, bool intact) {
+        std::vector<std::byte> value(300);
+        for (std::size_t n = 0; n < value.size(); ++n) value[n] = static_cast<std::byte>(n * 3 + cable);
+        std::vector<std::byte> back(value.size());
+        write.index = read.index = 0x2008;
+        write.data = value;
+        read.data = back;
+        unsigned cycles = 0;
+        ASSERT_TRUE(submit(*bus->ctx, write).ok());
+        for (; cycles < 4000 && write.busy(); ++cycles) (void)bus->cycle();
+        ASSERT_EQ(write.state(), RequestState::success) << bus->words(write.error());
+        ASSERT_TRUE(submit(*bus->ctx, read).ok());
+        for (; cycles < 4000 && read.busy(); ++cycles) (void)bus->cycle();
+        bus->cable(bus->ring_cables[cable], intact);
+        ASSERT_EQ(read.state(), RequestState::success) << bus->words(read.error());
+        EXPECT_EQ(back, value);
+        EXPECT_LT(cycles, 300U);
+    };
+    for (std::size_t cable = 0; cable < bus->ring_cables.size(); ++cable)
+        for (std::uint64_t frame = 0; frame < 60; ++frame)
+            for (const bool intact : {false, true}) {
+                SCOPED_TRACE("ring cable " + std::to_string(cable) + (intact ? " heals" : " breaks") + " at frame " +
+                             std::to_string(frame));
+                const std::uint64_t at = bus->frames + frame;
+                bus->on_frame = [&, at](std::uint64_t now) {
+                    if (now == at) bus->cable(bus->ring_cables[cable], intact);
+                };
+                SdoDownload write;
+                SdoUpload read;
+                write.slave = read.slave = frame % 2 == 0 ? 2 : 4;
+                transfer(write, read, cable, intact);
+                if (HasFatalFailure()) return;
+            }
+}
+
 }  // namespace
 }  // namespace margay
