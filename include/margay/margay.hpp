@@ -260,12 +260,12 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 //   slaves. Without this detail it is not yet known which slave is missing, and the inputs of whole datagrams are old:
 //   inputs_fresh() says which slaves have old inputs.
 //   The same error is returned, although the working counter is that of the known slaves, in this case: a slave is
-//   missing (also an optional one), and the working counter has changed or a cycle was lost. One slave may have left
-//   while another one has come, so the inputs are old. poll() then reads the states of the slaves that take part,
-//   unless readstate() or the supervision does so. The inputs are fresh again after about four cycles and the cycles in
-//   flight. It takes longer while frames are lost, while the working counter changes again, and while a slave is on its
-//   way to another state. If a slave does not answer, the inputs stay old until readstate() or the supervision has
-//   found the slave lost.
+//   missing (also an optional one) or exchanges no process data (its target is below SAFEOP, or BOOT), and the working
+//   counter has changed or a cycle was lost. One slave may have left while another one has come, so the inputs are old.
+//   poll() then reads the states of the slaves that take part, unless readstate() or the supervision does so. The
+//   inputs are fresh again after about four cycles and the cycles in flight. It takes longer while frames are lost,
+//   while the working counter changes again, and while a slave is on its way to another state. If a slave does not
+//   answer, the inputs stay old until readstate() or the supervision has found the slave lost.
 //   One case is not detected: between the same two cycles some slaves leave, and other slaves with the same shares of
 //   the working counter come, so that the counter does not change. For example, cables are plugged into other places
 //   while the machines run. A slave that comes was missing before: it was cut off and has kept its power, or it is
