@@ -129,9 +129,10 @@ int IrqThreads::set_priority(int priority) noexcept {
     for (std::size_t n = 0; n < count_; ++n) {
         const bool set = ::sched_setscheduler(threads_[n].id, SCHED_FIFO, &wanted) == 0;
         if (!set && refused == 0) refused = errno;
-        changed_[n] = changed_[n] || set;
+        if (!set) continue;
+        changed_[n] = true;
+        set_to_[n] = priority;
     }
-    set_to_ = priority;
     return refused;
 }
 
@@ -141,7 +142,7 @@ int IrqThreads::restore() noexcept {
         if (!changed_[n]) continue;
         changed_[n] = false;
         IrqThread now = threads_[n];
-        if (!read_priority(now) || now.policy != SCHED_FIFO || now.priority != set_to_) continue;
+        if (!read_priority(now) || now.policy != SCHED_FIFO || now.priority != set_to_[n]) continue;
         const sched_param before{.sched_priority = threads_[n].priority};
         if (::sched_setscheduler(now.id, threads_[n].policy, &before) != 0 && refused == 0) refused = errno;
     }

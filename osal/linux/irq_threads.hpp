@@ -52,8 +52,8 @@ class IrqThreads {
 
     std::array<IrqThread, kMost> threads_{};
     std::array<bool, kMost> changed_{};
+    std::array<int, kMost> set_to_{};  // the priority that set_priority() has set last
     std::size_t count_ = 0;
-    int set_to_ = 0;
 };
 
 }  // namespace margay

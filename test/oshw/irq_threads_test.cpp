@@ -176,6 +176,17 @@ TEST_F(IrqThreadsTest, TheirPriorityIsSetAndRestored) {
     EXPECT_EQ(other.scheduling(), Scheduling(SCHED_OTHER, 0)) << "not of this interface";
 }
 
+TEST_F(IrqThreadsTest, ARefusedPriorityDoesNotPreventTheRestoring) {
+    if (!may()) GTEST_SKIP() << "no real-time priorities without CAP_SYS_NICE";
+    add(first, "irq/24-eth0");
+    ASSERT_TRUE(threads.find("eth0", places()));
+    EXPECT_EQ(threads.set_priority(81), 0);
+    EXPECT_EQ(threads.set_priority(100), EINVAL);
+    EXPECT_EQ(first.scheduling(), Scheduling(SCHED_FIFO, 81));
+    EXPECT_EQ(threads.restore(), 0);
+    EXPECT_EQ(first.scheduling(), Scheduling(SCHED_OTHER, 0));
+}
+
 TEST_F(IrqThreadsTest, TheRunnerTellsThemAndTouchesThemOnlyWhenAsked) {
     if (!may()) GTEST_SKIP() << "no real-time priorities without CAP_SYS_NICE";
     add(first, "irq/24-eth0");
