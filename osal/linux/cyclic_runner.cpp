@@ -147,7 +147,7 @@ std::span<const CyclicRefusal> CyclicRunner::prepare() noexcept {
     if (options_.lock_memory) touch_stack();
     if (options_.cpu >= 0) stay_on_cpu();
     if (options_.hold_latency) hold_latency();
-    if (options_.interface != nullptr) raise_interrupts();
+    if (options_.interface != nullptr || options_.irq_priority != 0) raise_interrupts();
     if (options_.runtime <= Duration::zero() || !take_runtime())
         if (options_.priority != 0) take_priority();
     return std::span(refusals_).first(refused_);
@@ -200,6 +200,8 @@ void CyclicRunner::hold_latency() noexcept {
 }
 
 void CyclicRunner::raise_interrupts() noexcept {
+    if (options_.interface == nullptr)
+        return refuse("no priority for the interrupts of the NIC (`irq_priority` needs `interface`)", EINVAL);
     const bool found = irq_threads_.find(options_.interface, options_.places);
     if (!found && is_no_interface(options_.interface, options_.places))
         return refuse("no interrupts of the NIC are found (`interface`: there is no network interface of this name)",

@@ -248,6 +248,11 @@ TEST(CyclicRunner, SaysThatThereIsNoSuchInterfaceOrPriority) {
         EXPECT_NE(std::string_view(refusals[0].what).find("no network interface of this name"), std::string_view::npos);
         EXPECT_EQ(refusals[0].error, ENODEV);
     }
+    CyclicRunner nameless({.lock_memory = false, .hold_latency = false, .irq_priority = 90});
+    const auto said = nameless.prepare();
+    ASSERT_EQ(said.size(), 1U);
+    EXPECT_NE(std::string_view(said[0].what).find("`irq_priority` needs `interface`"), std::string_view::npos);
+    EXPECT_EQ(said[0].error, EINVAL);
     CyclicRunner loopback({.lock_memory = false, .hold_latency = false, .interface = "lo"});
     EXPECT_TRUE(loopback.prepare().empty()) << "without interrupts, and nothing is asked for";
     for (const int priority : {200, 100, -1}) {
