@@ -309,9 +309,12 @@ constexpr std::int64_t kMostChange_ns = 50;
 
 // Teaches the slave the rate of the reference, at which the other clocks run. If the new reference had another rate,
 // the other clocks would leave the limit until they have learned the new rate. Receive times show the rate without the
-// jitter of the master. Returns how far the slave is ahead. `token` is free during the lessons; nullptr: the caller
-// holds a token.
-Task<Result<std::int64_t>> teach_rate(Network& network, Slave& slave, Slave& reference, ReturnToken* token) {
+// jitter of the master. `token` is free during the lessons; nullptr: the caller holds a token.
+struct Lesson {
+    std::int64_t ahead_ns = 0;  // how far the slave is ahead now
+    bool learned = false;       // false: the slave has its own rate
+};
+Task<Result<Lesson>> teach_rate(Network& network, Slave& slave, Slave& reference, ReturnToken* token) {
     constexpr unsigned kMostLessons = 8;
     const std::int64_t limit_ns = network.clocks.settings.limit_ns;
     // With long cycles a lesson takes seconds, because each frame waits for the next one.
@@ -329,15 +332,16 @@ Task<Result<std::int64_t>> teach_rate(Network& network, Slave& slave, Slave& ref
             continue;
         }
         if (!learned) co_await required(reset_control_loop(network.station(slave)));
-        co_return ahead;
+        co_return Lesson{ahead, learned};
     }
 }
 
 }  // namespace
 
-Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference) {
-    const auto ahead = co_await required(teach_rate(network, slave, reference, nullptr));
-    co_return co_await required(move_clock(network, slave, -ahead));
+Task<Result<bool>> learn_rate(Network& network, Slave& slave, Slave& reference) {
+    const auto lesson = co_await required(teach_rate(network, slave, reference, nullptr));
+    co_await required(move_clock(network, slave, -lesson.ahead_ns));
+    co_return lesson.learned;
 }
 
 namespace {
@@ -356,14 +360,17 @@ Slave* first_before_reference(Network& network) {
     return first;
 }
 
-// In a ring with two NICs the slave does not learn the rate of the reference. If the slave has another rate, the other
-// clocks are not in sync until they have learned this rate. Returns how far the slave is ahead.
+// The slave becomes the reference with another rate: the other clocks are not in sync until they have learned this rate.
+void lose_sync_of_others(Network& network, const Slave& slave) {
+    for (const Slave& other : network.slaves())
+        if (other.number != slave.number) network.clocks.lose_sync(other);
+}
+
+// In a ring with two NICs the slave does not learn the rate of the reference. Returns how far the slave is ahead.
 Task<Result<std::int64_t>> compare_rate(Network& network, Slave& slave, Slave& reference, std::int64_t before_ns) {
     co_await network.engine.sleep_for(kRateLook);
     const auto ahead = co_await required(measure_ahead(network, slave, reference));
-    if (std::abs(ahead - before_ns) <= kMostChange_ns) co_return ahead;
-    for (const Slave& other : network.slaves())
-        if (other.number != slave.number) network.clocks.lose_sync(other);
+    if (std::abs(ahead - before_ns) > kMostChange_ns) lose_sync_of_others(network, slave);
     co_return ahead;
 }
 
@@ -405,7 +412,11 @@ Task<Result<bool>> approach_reference(Network& network, Slave& slave, ReturnToke
     }
     const bool learns = begins && network.redundancy == nullptr;
     std::int64_t away = ahead;
-    if (learns) away = co_await required(teach_rate(network, slave, network.slave(reference), &token));
+    if (learns) {
+        const auto lesson = co_await required(teach_rate(network, slave, network.slave(reference), &token));
+        if (!lesson.learned) lose_sync_of_others(network, slave);
+        away = lesson.ahead_ns;
+    }
     if (network.redundancy != nullptr && std::abs(ahead) <= kMostStep_ns)
         away = co_await required(compare_rate(network, slave, network.slave(reference), ahead));
     if (is_other()) co_return Error{.code = Errc::unstable, .slave = slave.number};

@@ -177,7 +177,11 @@ Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) 
     // clock is being set.
     auto set = co_await reset_control_loop(network.station(slave));
     if (set) set = co_await set_clock_by_reference(network, slave);
-    if (set && rate == ClockRate::of_reference) set = co_await learn_rate(network, slave, reference_of(network, slave));
+    if (set && rate == ClockRate::of_reference) {
+        const auto learned = co_await learn_rate(network, slave, reference_of(network, slave));
+        if (!learned) set = learned.error();
+        if (!learned || !*learned) rate = ClockRate::own;
+    }
     // Another slave, before this one, may have become the reference meanwhile.
     const bool first =
         set && slave.ring_position != 0 && slave.ring_position < network.slave(clocks.reference).ring_position;

@@ -303,7 +303,8 @@ enum class ClockRate : bool { own, of_reference };
 // Teaches a slave before the reference in the ring the rate of the reference. The clock of the slave was set by the
 // reference, and the cycles carry no time. Single frames bring the slave the time that the master expects, until its
 // clock runs at the rate of the reference. Then the clock is moved to the time of the reference.
-[[nodiscard]] Task<Result<>> learn_rate(Network& network, Slave& slave, Slave& reference);
+// False: the slave has not learned the rate, and runs at its own rate.
+[[nodiscard]] Task<Result<bool>> learn_rate(Network& network, Slave& slave, Slave& reference);
 // Measures the delays again while all clocks run at the same rate, so that their drift falsifies no delay.
 [[nodiscard]] Task<Result<>> improve_delays(Network& network);
 // Writes offset and delay of the entry, and starts the control loop of the clock again.
