@@ -36,6 +36,20 @@ std::uint32_t times_since_last_round(Network& network, std::int64_t rounds) {
     return sent;
 }
 
+// After how many frames a great difference ends `in_sync`, although the register still shows old comparisons too. With
+// long cycles, the frames of a mean take too long. After five frames the register shows a quarter of the difference.
+std::uint8_t find_grace(const Network& network) {
+    constexpr Duration kLongest = std::chrono::milliseconds(100);
+    constexpr std::int64_t kLeast = 5;
+    std::int64_t times = ClockEntry::kTimesOfMean;
+    for (const ProcessGroup& group : network.process.groups) {
+        const bool carries = group.mapped && group.dc_reference == network.clocks.reference;
+        if (!carries || group.pace.before == Time::min() || group.pace.last <= group.pace.before) continue;
+        times = std::min<std::int64_t>(times, kLongest / (group.pace.last - group.pace.before));
+    }
+    return static_cast<std::uint8_t>(std::max(times, kLeast));
+}
+
 // Whether the clock follows a second reference that is not in sync, or that may be farther from the reference than the
 // limit.
 bool is_led_away(const Clocks& clocks, const Slave& slave, const FollowedClock& followed) {
@@ -195,6 +209,7 @@ void note_followed_clocks(Network& network, std::int64_t rounds) {
     constexpr Duration kLongestAlone = std::chrono::seconds(1);
     Clocks& clocks = network.clocks;
     const std::uint32_t times = times_since_last_round(network, rounds);
+    clocks.times_of_grace = find_grace(network);
     const bool old = find_old_delays(network);
     clocks.rounds_old = old ? static_cast<std::uint8_t>(std::min(clocks.rounds_old + 1, UINT8_MAX)) : std::uint8_t{0};
     for (const Slave& slave : network.slaves()) {
@@ -360,7 +375,8 @@ Slave* first_before_reference(Network& network) {
     return first;
 }
 
-// The slave becomes the reference with another rate: the other clocks are not in sync until they have learned this rate.
+// The slave becomes the reference with another rate: the other clocks are not in sync until they have learned this
+// rate.
 void lose_sync_of_others(Network& network, const Slave& slave) {
     for (const Slave& other : network.slaves())
         if (other.number != slave.number) network.clocks.lose_sync(other);

@@ -168,7 +168,8 @@ void note_difference(Network& network, const Slave& slave, std::int64_t before_n
     // the application writes times to the reference, or when the cycles carry the time of the standby: then the
     // reference follows the time that the master sends.
     const bool own_time = slave.number == clocks.reference && !clocks.is_driven && clocks.without_time < 2;
-    const bool known = clock.knows_difference() || (own_time && network.redundancy == nullptr);
+    const bool may_end = clock.in_sync && clock.follows != 0 && clock.times_seen >= clocks.times_of_grace;
+    const bool known = clock.knows_difference() || may_end || (own_time && network.redundancy == nullptr);
     if (!known || followed.slave != clock.follows) return;
     if (followed.slave != clocks.reference) {
         const std::int64_t own =

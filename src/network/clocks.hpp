@@ -131,6 +131,7 @@ struct Clocks {
     std::uint16_t looked_at = 0;   // the slave whose difference was read last while all clocks were in sync
     std::uint16_t times_seen = 0;  // cycles_with_time() of the group that carries the time, in the last round
     std::uint16_t times_sent = 0;  // frames of send_time() since the last round
+    std::uint8_t times_of_grace = ClockEntry::kTimesOfMean;  // see find_grace()
     MeasuredCycle cycle;
     // shift_reference(): by how much the reference was moved since the last round, apart from the rate that the clocks
     // have learned: `shift_mean` in 16 cycles.

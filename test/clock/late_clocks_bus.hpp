@@ -11,6 +11,7 @@ struct LateClocksBus : ClockBus {
     std::vector<ExpectedSlave> wanted;
     SlaveSetup setup{.dc = {.source = SyncSettings::Source::application}};
     Duration period = 1ms;
+    SimulatedNic::Options nic_options;
 
     // Connects slaves at the ports of a junction, which is the first slave. `late`: the slave may be missing.
     void hang(std::uint8_t port, const ClockOf& clock, bool late = false) {
@@ -26,7 +27,7 @@ struct LateClocksBus : ClockBus {
     }
     void bring_up(ClockSettings settings, std::initializer_list<std::uint32_t> missing) {
         segment.power_up(osal.now());
-        nic = std::make_unique<SimulatedNic>(segment, osal);
+        nic = std::make_unique<SimulatedNic>(segment, osal, nic_options);
         ctx = std::make_unique<HostContext>(limits);
         ASSERT_TRUE(init(*ctx, *nic, osal).ok());
         for (const auto n : missing) power(n, false);

@@ -334,6 +334,78 @@ TEST_F(LateClocks, AReferenceWithAnotherWidthKeepsThePhase) {
     }
 }
 
+// With cycles of 20 ms the lessons end before the slave has learned the rate, so it becomes the reference with another
+// rate. A clock that learns this rate is not in sync.
+TEST(LateReference, WithAnotherRateEndsTheSyncOfTheOthers) {
+    LateClocksBus bus;
+    bus.period = 20ms;
+    bus.nic_options.round_trip = 20us;  // each frame of a lesson takes a cycle
+    bus.hang(0, {.unit = sim::DcUnit::receive_times});
+    bus.hang(3, {.drift_ppb = -90'000, .start_ns = 12345}, true);
+    bus.hang(1, {.drift_ppb = 20'000, .start_ns = 1234});
+    bus.hang(2, {.drift_ppb = 70'000, .start_ns = 123});
+    bus.setup = {};
+    bus.bring_up(kFewFrames, {1});
+    ASSERT_EQ(reference_clock(*bus.ctx), 3);
+    bus.power(1, true);
+    bool configured = false;
+    unsigned untrue = 0;
+    unsigned in_sync = 0;  // cycles behind the change
+    for (Duration passed{}; passed < 60s; passed += bus.period) {
+        bus.step();
+        if (!configured && bus.ctx->slave(2).al.state == AlState::preop)
+            configured = config_map(*bus.ctx, bus.image).ok();
+        for (const std::uint16_t slave : {std::uint16_t{3}, std::uint16_t{4}}) {
+            const bool away = std::abs(bus.ahead_ns(slave, reference_clock(*bus.ctx))) > 1000;
+            untrue += bus.clock(slave).in_sync && away ? 1U : 0U;
+            in_sync += bus.clock(slave).in_sync && reference_clock(*bus.ctx) == 2 ? 1U : 0U;
+        }
+    }
+    EXPECT_EQ(reference_clock(*bus.ctx), 2);
+    EXPECT_GT(in_sync, 200U) << "they have learned it";
+    EXPECT_EQ(untrue, 0U) << bus.joined(bus.events());
+}
+
+// The master writes its time to the reference, so that a reference which has come back leaves the time of the other
+// clocks. With cycles of 10 ms, 32 comparisons take 320 ms.
+TEST(LateReference, ThatIsLedAwayEndsTheSyncOfTheOthersSoon) {
+    LateClocksBus bus;
+    bus.period = 10ms;
+    bus.hang(0, {.unit = sim::DcUnit::receive_times});
+    bus.hang(3, {.drift_ppb = 50'000, .start_ns = 123});
+    bus.hang(1, {.drift_ppb = -50'000, .start_ns = 1234});
+    bus.hang(2, {.drift_ppb = -30'000, .start_ns = 12345});
+    bus.bring_up({}, {});
+    MasterClock master(
+        {.mode = MasterClock::Mode::master_reference, .set_value = -5ms, .phase = {.cycle = bus.period}});
+    unsigned longest = 0;
+    unsigned untrue = 0;
+    unsigned in_sync = 0;
+    const auto cycles = [&](int count) {
+        for (int n = 0; n < count; ++n) {
+            bus.step();
+            (void)master.update(*bus.ctx, 0ms);
+            const std::uint16_t reference = reference_clock(*bus.ctx);
+            bool wrong = false;
+            for (std::uint16_t slave = 2; slave <= 4; ++slave) {
+                const bool told = bus.in_op(reference) && bus.in_op(slave) && bus.clock(slave).in_sync;
+                in_sync += told ? 1U : 0U;
+                wrong |= told && std::abs(bus.ahead_ns(slave, reference)) > 1000;
+            }
+            longest = std::max(longest, untrue = wrong ? untrue + 1 : 0U);
+        }
+    };
+    cycles(1500);
+    for (int times = 0; times < 3; ++times) {
+        bus.power(1, false);
+        cycles(150);
+        bus.power(1, true);
+        cycles(1500);
+    }
+    EXPECT_GT(in_sync, 3000U);
+    EXPECT_LE(longest, 6U) << "of about 10 ms each";
+}
+
 // No clock is compared with the register of the reference, so the reference does not wait for 32 frames with its own
 // time.
 TEST(LateReference, IsInSyncWhenItsSlaveIsBack) {
