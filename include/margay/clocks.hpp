@@ -118,7 +118,9 @@ struct ClockSettings {
     // they are not in sync, and events report that. When a slave with a clock returns to a place before the reference
     // clock in the ring, the clock of this slave learns the rate and becomes the reference again, without a step of the
     // other clocks (EventKind::reference_clock). If a branch with several clocks returns, its first clock becomes the
-    // reference. This takes less than a second with cycles of 1 ms, and some seconds with longer cycles.
+    // reference. This takes less than a second with cycles of 1 ms, and some seconds with longer cycles. If the clock
+    // has not learned the rate after some seconds, as with cycles of 20 ms and one poll() in each, it has its own rate,
+    // and the other clocks are not in sync until they have learned that rate.
     bool replace_lost_reference = true;
     // poll() calls this function with the start time of SYNC0 that the library proposes for a slave, in system time,
     // and writes the result of the function instead. nullptr: the proposed time is written. As a hook, the function

@@ -366,6 +366,40 @@ TEST(LateReference, WithAnotherRateEndsTheSyncOfTheOthers) {
     EXPECT_EQ(untrue, 0U) << bus.joined(bus.events());
 }
 
+// The same for a slave that has kept its clock, and whose oscillator changes.
+TEST(LateReference, ThatRunsAtAnotherRateEndsTheSyncOfTheOthers) {
+    LateClocksBus bus;
+    bus.period = 20ms;
+    bus.nic_options.round_trip = 20us;
+    bus.hang(0, {.unit = sim::DcUnit::receive_times});
+    bus.hang(3, {.drift_ppb = -30'000, .start_ns = 12345});
+    bus.hang(1, {.drift_ppb = 20'000, .start_ns = 1234});
+    bus.hang(2, {.drift_ppb = 70'000, .start_ns = 123});
+    bus.setup = {};
+    bus.bring_up(kFewFrames, {});
+    ASSERT_EQ(reference_clock(*bus.ctx), 2);
+    bus.segment.disconnect({0, 3});
+    bus.steps(200);
+    ASSERT_EQ(reference_clock(*bus.ctx), 3);
+    ASSERT_TRUE(bus.segment.connect({0, 3}, {1, 0}, LateClocksBus::kCable));
+    unsigned untrue = 0;
+    unsigned in_sync = 0;  // cycles before the change
+    unsigned returned = 0;
+    for (int n = 0; n < 2000; ++n) {
+        bus.step();
+        if (n == 5) bus.segment.slave(1).set_drift(100'000, bus.osal.now());
+        const std::uint16_t reference = reference_clock(*bus.ctx);
+        returned += reference == 2 ? 1U : 0U;
+        for (const std::uint16_t slave : {std::uint16_t{3}, std::uint16_t{4}}) {
+            in_sync += bus.clock(slave).in_sync && returned == 0 ? 1U : 0U;
+            untrue += bus.clock(slave).in_sync && std::abs(bus.ahead_ns(slave, reference)) > 1000 ? 1U : 0U;
+        }
+    }
+    EXPECT_GT(in_sync, 300U);
+    EXPECT_GT(returned, 1000U);
+    EXPECT_EQ(untrue, 0U) << bus.joined(bus.events());
+}
+
 // The master writes its time to the reference, so that a reference which has come back leaves the time of the other
 // clocks. With cycles of 10 ms, 32 comparisons take 320 ms.
 TEST(LateReference, ThatIsLedAwayEndsTheSyncOfTheOthersSoon) {
