@@ -73,13 +73,18 @@ Task<Result<bool>> was_reset(Network& network, const Slave& reference, std::uint
     offset = co_await required(read<std::uint64_t>(station, reg::kSystemTimeOffset, Step::configure_clocks));
     if (offset == 0 && clock.offset_ns != 0) co_return true;
     if (clocks.is_driven) co_return false;
-    const Time now = network.engine.now();
-    const auto time = co_await required(read<std::uint64_t>(station, reg::kSystemTime, Step::configure_clocks));
-    const std::uint64_t about = clocks.system_at_ns(now);
-    const std::uint64_t seen =
-        clock.kind == ClockKind::bits64 ? time : extend_time_ns(static_cast<std::uint32_t>(time), about);
+    // With long cycles, a lost frame is repeated much later.
+    std::array<std::byte, reg::kSystemTime.length> time{};
+    TimedDatagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kSystemTime.address},
+                       MutableBytes(time));
+    auto reply = co_await look;
+    const Error error = error_of_reply(station, reply, Step::configure_clocks, reg::kSystemTime.address);
+    if (error.code != Errc::none) co_return error;
+    const std::uint64_t about = clocks.system_at_ns(look.sent_at());
+    const std::uint64_t seen = clock.kind == ClockKind::bits64 ? load_le<std::uint64_t>(time)
+                                                               : extend_time_ns(load_le<std::uint32_t>(time), about);
     co_return std::abs(static_cast<std::int64_t>(seen - about)) >
-        kNearest_ns + (now - clocks.system_at).count() / kRateParts;
+        kNearest_ns + std::abs((look.sent_at() - clocks.system_at).count()) / kRateParts;
 }
 
 }  // namespace

@@ -440,6 +440,36 @@ TEST(LateReference, ThatIsLedAwayEndsTheSyncOfTheOthersSoon) {
     EXPECT_LE(longest, 6U) << "of about 10 ms each";
 }
 
+// A slave that has come back is set by the reference. Before this, the library reads whether the reference was reset.
+// With long cycles, a lost frame is repeated much later.
+TEST(LateReference, IsNotSetAgainWhereAFrameIsLost) {
+    for (const Duration cycle : {1ms, 4ms, 30ms, 95ms}) {
+        SCOPED_TRACE(cycle / 1ms);
+        LateClocksBus bus;
+        bus.period = cycle;
+        bus.nic_options.round_trip = 20us;
+        bus.hang(0, {.unit = sim::DcUnit::receive_times});
+        bus.hang(3, {.drift_ppb = 50'000, .start_ns = 12345});
+        bus.hang(1, {.drift_ppb = -20'000, .start_ns = 1234});
+        bus.bring_up(kFewFrames, {});
+        ASSERT_EQ(reference_clock(*bus.ctx), 2);
+        const std::uint64_t offset = bus.clock(2).offset_ns;
+        bus.segment.set_noise({.lost = 0.05, .seed = 7});
+        unsigned back = 0;
+        for (unsigned times = 0; times < 20; ++times) {
+            bus.power(2, false);
+            bus.steps(20);
+            bus.power(2, true);
+            for (unsigned n = 0; n < 2000 && bus.in_op(3); ++n) bus.step();
+            for (unsigned n = 0; n < 4000 && !bus.in_op(3); ++n) bus.step();
+            back += bus.in_op(3) ? 1U : 0U;
+            ASSERT_EQ(reference_clock(*bus.ctx), 2);
+            ASSERT_EQ(bus.clock(2).offset_ns, offset) << bus.joined(bus.events());
+        }
+        EXPECT_GE(back, 15U);
+    }
+}
+
 // No clock is compared with the register of the reference, so the reference does not wait for 32 frames with its own
 // time.
 TEST(LateReference, IsInSyncWhenItsSlaveIsBack) {
