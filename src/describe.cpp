@@ -353,6 +353,8 @@ void write_cause(TextWriter& out, const Error& e) {
             if (e.code == Errc::working_counter) write_silence(out, e);
             if (e.code == Errc::unstable && e.step == Step::configure_clocks)
                 out << (e.detail == Error::kRedundancy ? " (the measurement of the delays took too long)"
+                        : e.slave == 0 && e.actual < e.expected
+                            ? " (fewer slaves than are there have latched the receive times)"
                         : e.slave == 0
                             ? " (more slaves answer than were found: search again)"
                             : " (it was lost, or came back, during the measurement, or its receive times make "

@@ -1,15 +1,21 @@
-// The ways of the frames through the segment, for the propagation delays of the clocks. In a ring with two NICs that is
-// broken, the frames of the second NIC enter the slaves behind the break at the other end, pass them to the break
-// without being processed, and are processed on their way back: in the same order as in the whole ring.
+// The receive times of the slaves, and the ways of the frames through the segment, for the propagation delays of the
+// clocks. In a ring with two NICs that is broken, the frames of the second NIC enter the slaves behind the break at the
+// other end, pass them to the break without being processed, and are processed on their way back: in the same order as
+// in the whole ring.
 #include "clock/frame_ways.hpp"
 #include "network/clocks.hpp"
 #include "network/network.hpp"
+#include "station/register_access.hpp"
 
 #include <algorithm>
 #include <bit>
 
 namespace margay {
 namespace {
+
+namespace reg = wire::reg;
+
+constexpr Step kLatchStep = Step::configure_clocks;
 
 // How much longer the way through the processing unit takes, by the type of the chip (register 0x0000). Recordings of
 // E-bus terminals show 20 ns for ET1100 and ET1200 (test/clock/delays_test.cpp); for other chips nothing is recorded.
@@ -320,6 +326,86 @@ bool find_old_delays(Network& network) {
         any |= clock.delay_old;
     }
     return any;
+}
+
+// How many slaves should answer a broadcast to the register of the receive times, and to any register.
+struct Answers {
+    std::uint16_t timed = 0;
+    std::uint16_t known = 0;
+    std::uint16_t most = 0;  // with the slaves that are not expected
+};
+
+static Answers answers_of_ring(Network& network) {
+    Answers answers;
+    for (const RingPlace& place : network.seen_ring()) {
+        const bool known = place.slave != 0;
+        if (known && network.slave(place.slave).al.state == AlState::none) continue;
+        ++answers.most;
+        if (known) ++answers.known;
+        if (known && network.clocks.entries[place.slave - 1U].kind >= ClockKind::receive_times) ++answers.timed;
+    }
+    return answers;
+}
+
+// The first slave that should be there, and does not answer; 0: none.
+static Task<Result<std::uint16_t>> find_silent(Network& network) {
+    for (const RingPlace& place : network.seen_ring()) {
+        if (place.slave == 0 || network.slave(place.slave).al.state == AlState::none) continue;
+        const Station station = network.station(network.slave(place.slave));
+        const auto type = co_await read<std::uint8_t>(station, reg::kType, kLatchStep);
+        if (does_not_answer(type.error())) co_return place.slave;
+    }
+    co_return std::uint16_t{0};
+}
+
+// A slave that the frame has not reached keeps older receive times. So the frame is repeated until all slaves have
+// latched it. If more slaves answer than are known, the frames take other ways than in the ring that was read last.
+Task<Result<>> latch_receive_times(Network& network) {
+    constexpr unsigned kMostTries = 5;
+    Error missed{.code = Errc::unstable, .step = kLatchStep};
+    for (unsigned n = 0; n < kMostTries; ++n) {
+        std::array<std::byte, 4> any{};
+        std::array<std::byte, 1> type{};
+        TimedDatagram latch(network.engine.link(), wire::Command::BWR,
+                            {std::uint16_t{0}, reg::kPortReceiveTime.address}, MutableBytes(any));
+        Datagram count(network.engine.link(), wire::Command::BRD, {std::uint16_t{0}, reg::kType.address},
+                       MutableBytes(type));  // each slave has it
+        co_await together(latch, count);
+        network.clocks.latched_at = latch.sent_at();
+        for (const Datagram* d : std::initializer_list<const Datagram*>{&latch, &count})
+            if (!d->reply().ok()) co_return Error{.code = d->reply().errc, .step = kLatchStep};
+        const Answers wanted = answers_of_ring(network);
+        network.clocks.unknown_latched = count.reply().wkc > wanted.most;
+        if (latch.reply().wkc >= wanted.timed && count.reply().wkc >= wanted.known) co_return Nothing{};
+        const bool few = count.reply().wkc < wanted.known;
+        missed.expected = few ? wanted.known : wanted.timed;
+        missed.actual = few ? count.reply().wkc : latch.reply().wkc;
+        co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    }
+    missed.slave = co_await required(find_silent(network));
+    co_return missed;
+}
+
+Task<Result<>> read_receive_times(Network& network, Slave& slave, Keep keep) {
+    const Station station = network.station(slave);
+    ClockEntry& clock = network.clocks.of(slave);
+    std::array<std::byte, reg::kPortReceiveTime.length> ports{};
+    std::array<std::byte, reg::kProcessingUnitReceiveTime.length> unit{};
+    Link& link = network.engine.link();
+    Datagram read_ports(link, wire::Command::FPRD, {station.address, reg::kPortReceiveTime.address},
+                        MutableBytes(ports));
+    Datagram read_unit(link, wire::Command::FPRD, {station.address, reg::kProcessingUnitReceiveTime.address},
+                       MutableBytes(unit));
+    co_await together(read_ports, read_unit);
+    const Error error = error_of_reply(station, read_ports.reply(), kLatchStep, reg::kPortReceiveTime.address);
+    if (error.code != Errc::none) co_return error;
+    ReceiveTimes latched;
+    for (unsigned p = 0; p < 4; ++p) latched.port_ns[p] = load_le<std::uint32_t>(ports, 4 * p);
+    latched.has_processing = read_unit.reply().ok() && read_unit.reply().wkc == 1;
+    latched.processing_ns = load_le<std::uint32_t>(unit);
+    clock.local_ns = latched.has_processing ? load_le<std::uint64_t>(unit) : latched.port_ns[clock.passing_port & 3];
+    if (keep == Keep::yes && !clock.times.full()) clock.times.add(latched, clock.arrival_port);
+    co_return Nothing{};
 }
 
 }  // namespace margay

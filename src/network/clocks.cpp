@@ -375,49 +375,6 @@ Task<Result<>> read_difference(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
-// The number of slaves that should answer at most. If more slaves answer, the frames take other ways than in the ring
-// that was read last.
-static std::ptrdiff_t most_answers(Network& network) {
-    return std::ranges::count_if(network.seen_ring(), [&network](const RingPlace& place) {
-        return place.slave == 0 || network.slave(place.slave).al.state != AlState::none;
-    });
-}
-
-Task<Result<>> latch_receive_times(Network& network) {
-    std::array<std::byte, 4> any{};
-    std::array<std::byte, 1> type{};
-    TimedDatagram latch(network.engine.link(), Command::BWR, broadcast(reg::kPortReceiveTime), MutableBytes(any));
-    Datagram count(network.engine.link(), Command::BRD, broadcast(reg::kType),
-                   MutableBytes(type));  // each slave has it
-    co_await together(latch, count);
-    network.clocks.latched_at = latch.sent_at();
-    for (const Datagram* d : std::initializer_list<const Datagram*>{&latch, &count})
-        if (!d->reply().ok()) co_return Error{.code = d->reply().errc, .step = kClockStep};
-    network.clocks.unknown_latched = count.reply().wkc > most_answers(network);
-    co_return Nothing{};
-}
-
-Task<Result<>> read_receive_times(Network& network, Slave& slave, Keep keep) {
-    const Station station = network.station(slave);
-    ClockEntry& clock = network.clocks.of(slave);
-    std::array<std::byte, reg::kPortReceiveTime.length> ports{};
-    std::array<std::byte, reg::kProcessingUnitReceiveTime.length> unit{};
-    Link& link = network.engine.link();
-    Datagram read_ports(link, Command::FPRD, {station.address, reg::kPortReceiveTime.address}, MutableBytes(ports));
-    Datagram read_unit(link, Command::FPRD, {station.address, reg::kProcessingUnitReceiveTime.address},
-                       MutableBytes(unit));
-    co_await together(read_ports, read_unit);
-    const Error error = error_of_reply(station, read_ports.reply(), kClockStep, reg::kPortReceiveTime.address);
-    if (error.code != Errc::none) co_return error;
-    ReceiveTimes latched;
-    for (unsigned p = 0; p < 4; ++p) latched.port_ns[p] = load_le<std::uint32_t>(ports, 4 * p);
-    latched.has_processing = read_unit.reply().ok() && read_unit.reply().wkc == 1;
-    latched.processing_ns = load_le<std::uint32_t>(unit);
-    clock.local_ns = latched.has_processing ? load_le<std::uint64_t>(unit) : latched.port_ns[clock.passing_port & 3];
-    if (keep == Keep::yes && !clock.times.full()) clock.times.add(latched, clock.arrival_port);
-    co_return Nothing{};
-}
-
 Task<Result<>> write_clock(Network& network, Slave& slave) {
     const Station station = network.station(slave);
     ClockEntry& clock = network.clocks.of(slave);
