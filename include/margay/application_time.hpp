@@ -29,7 +29,14 @@ namespace margay {
 
 // One datagram for the clocks. ApplicationTime uses it; a program may also submit it itself. It is sent once: when its
 // frame is lost, the request ends with no_frame. Errors: no_clock (configdc() was not called, or has found no clock),
-// missing_slave (the reference clock does not answer), no_frame.
+// missing_slave (the reference clock does not answer), no_frame, busy (see below).
+//
+// While a supervision runs, write_reference and distribute are not sent, and end with missing_slave, from the moment at
+// which the slave with the reference clock is known to be lost until its clock is set again, or another slave has
+// become the reference clock: distribute would bring all clocks a time that the master has predicted. distribute ends
+// with missing_slave also when the last cycle has not brought the time of the reference clock. It is not sent either,
+// and ends with busy, while the clock of a slave learns the rate in order to become the reference clock, and with
+// no_frame while no frame comes back from the segment. A program repeats it with the next cycle.
 struct ClockDatagramRequest : Request {
     enum class Action : std::uint8_t {
         write_reference,   // writes `time_ns` to the reference clock, which compares it with its own time (0x0910)

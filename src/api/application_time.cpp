@@ -1,6 +1,7 @@
 // The clocks follow the time of the application.
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "api/reference_clock.hpp"
 #include "network/clocks.hpp"
 
 #include <margay/application_time.hpp>
@@ -22,11 +23,25 @@ static Error check(Network& network, const ClockDatagramRequest&) {
     return network.clocks.reference == 0 ? clock_error(network, Errc::no_clock) : Error{};
 }
 
+// Without a reference that answers, `distribute` would bring all clocks the time that the master expects, and the time
+// of a clock that was reset if its slave is being brought back. While another slave becomes the reference, no time may
+// reach this slave.
+static Error find_obstacle(Network& network, Action action) {
+    if (action == Action::read_differences) return {};
+    if (!has_reference_clock(network)) return clock_error(network, Errc::missing_slave);
+    if (action == Action::write_reference || !network.supervised) return {};
+    if (network.clocks.paused) return clock_error(network, Errc::busy);
+    if (network.silent) return clock_error(network, Errc::no_frame);
+    return is_reference_silent(network) ? clock_error(network, Errc::missing_slave) : Error{};
+}
+
 // `distribute` sends the time that the reference clock will probably have, because all clocks take the sent time when
 // the reference clock does not answer. A reply with the same time, from fewer slaves than the last one, was not read
 // from the reference clock.
 static Task<Result<>> run(Network& network, ClockDatagramRequest& request) {
     Clocks& clocks = network.clocks;
+    const Error obstacle = find_obstacle(network, request.action);
+    if (obstacle.code != Errc::none) co_return obstacle;
     const Slave& reference = network.slave(clocks.reference);
     const bool wide = clocks.of(reference).kind == ClockKind::bits64;
     const Time now = network.engine.now();
@@ -58,8 +73,9 @@ static Task<Result<>> run(Network& network, ClockDatagramRequest& request) {
     if (request.action == Action::read_differences)
         request.difference_ns = load_greatest_difference_ns(load_le<std::uint32_t>(data));
     if (request.action == Action::distribute) {
-        clocks.note_time(seen, wide, datagram.sent_at());
-        request.time_ns = clocks.system_ns;
+        const std::uint64_t about = clocks.system_at_ns(datagram.sent_at());
+        clocks.note_seen_time(seen, wide, datagram.sent_at());
+        request.time_ns = wide ? seen : extend_time_ns(static_cast<std::uint32_t>(seen), about);
         request.slaves = reply.wkc;
     }
     co_return Nothing{};

@@ -22,17 +22,15 @@ Task<Result<>> write_reference(Network& network, wire::Register r, std::uint64_t
 
 }  // namespace
 
-namespace {
-
-// Whether the clock of the reference is set: the slave is not lost, and it is not being brought back. A write to a
-// clock that was reset would hide the reset.
-bool has_clock(Network& network) {
+bool has_reference_clock(Network& network) {
     if (network.clocks.reference == 0) return false;
     const Slave& reference = network.slave(network.clocks.reference);
     const AlState state = reference.al.state;
     return state != AlState::none &&
            (!network.supervised || state >= AlState::safeop || state == wanted_state(network, reference));
 }
+
+namespace {
 
 // The other clocks follow a change of the rate of the reference only after some milliseconds. So they are not in sync
 // until the supervision has compared them again.
@@ -60,7 +58,7 @@ void note_shift(Network& network, std::int64_t correction_ns, Duration cycle) {
 void send_to_reference(Master& master, wire::Register r, std::uint64_t value, bool waits) {
     Network& network = master.network;
     if (r.address == wire::reg::kSystemTime.address) network.clocks.is_driven = true;
-    if (!has_clock(network)) return;
+    if (!has_reference_clock(network)) return;
     (void)network.settling.start(write_reference(network, r, value));
     if (!waits) network.engine.link().send(master.osal.now());
 }
@@ -71,7 +69,7 @@ bool waits_for_cycle(Network& network, Time sent, Duration cycle) {
 
 void shift_reference(Master& master, std::int64_t correction_ns, Duration cycle, bool waits) {
     Network& network = master.network;
-    if (!has_clock(network)) return;
+    if (!has_reference_clock(network)) return;
     note_shift(network, correction_ns, cycle);
     if (correction_ns == 0) return;
     ClockEntry& reference = network.clocks.entries[network.clocks.reference - 1U];

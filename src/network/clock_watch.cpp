@@ -145,8 +145,8 @@ std::int64_t greatest_ahead_ns(const FollowedClock& followed, std::int64_t own_n
     return ahead < 0 ? ahead - followed.moves_ns : ahead + followed.moves_ns;
 }
 
-// With one NIC: the reference has not answered in the last cycle, or the cycle carries the time of the standby. The
-// last frame for the reference may have misled the clocks, and the supervision has not seen the loss yet.
+}  // namespace
+
 bool is_reference_silent(Network& network) {
     const Clocks& clocks = network.clocks;
     if (network.redundancy != nullptr || clocks.paused) return false;  // paused: the library has stopped the time
@@ -158,6 +158,8 @@ bool is_reference_silent(Network& network) {
         return group.dc_time.slaves == 0 || !of_reference;
     });
 }
+
+namespace {
 
 void note_difference(Network& network, const Slave& slave, std::int64_t before_ns) {
     Clocks& clocks = network.clocks;

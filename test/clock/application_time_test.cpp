@@ -1,5 +1,5 @@
 // Clocks that follow the time of the application.
-#include "clock/clock_bus.hpp"
+#include "clock/late_clocks_bus.hpp"
 
 #include <margay/application_time.hpp>
 
@@ -176,6 +176,61 @@ TEST_F(ApplicationTimeTest, AReferenceThatIsLostIsSaid) {
     EXPECT_EQ(words(time->reference_clock_time().error()), "slave 2: synchronising the clocks: the slave is missing");
     EXPECT_NEAR(static_cast<double>(segment.slave(2).clock().copy(osal.now()) - before),
                 static_cast<double>((osal.now() - begin).count()), 50'000);
+}
+
+// A program distributes the time in each cycle. While the reference is lost, the request would bring the clocks a time
+// that the master has predicted; while the reference is back and not set, a time of its own; while the reference learns
+// the rate, a time that disturbs the lesson. So it is not sent, and the reference is back as soon as without it.
+TEST(TimeThatIsDistributed, WaitsForTheReference) {
+    for (const Duration cycle : {1ms, 10ms}) {
+        for (const int off : {1, 2, 3, 5, 50}) {
+            SCOPED_TRACE(testing::Message() << cycle / 1ms << " ms, " << off);
+            LateClocksBus bus;
+            bus.period = cycle;
+            bus.nic_options.round_trip = 20us;
+            bus.hang(0, {.unit = sim::DcUnit::receive_times});
+            bus.hang(3, {.drift_ppb = 90'000, .start_ns = 123});
+            bus.hang(1, {.drift_ppb = -50'000, .start_ns = 1234});
+            bus.hang(2, {.drift_ppb = -30'000, .start_ns = 12345});
+            bus.bring_up({}, {});
+            ASSERT_EQ(reference_clock(*bus.ctx), 2);
+            ClockDatagramRequest distribute;
+            std::array<unsigned, 3> ends{};  // success, missing_slave, busy
+            unsigned untrue = 0;
+            bool unseen = false;  // the loss of the reference is not known yet
+            const auto step = [&] {
+                if (!distribute.busy()) {
+                    ends[0] += distribute.state() == RequestState::success ? 1U : 0U;
+                    ends[1] += distribute.error().code == Errc::missing_slave ? 1U : 0U;
+                    ends[2] += distribute.error().code == Errc::busy ? 1U : 0U;
+                    (void)submit(*bus.ctx, distribute);
+                }
+                bus.step();
+                const std::uint16_t reference = reference_clock(*bus.ctx);
+                unseen = unseen && bus.in_op(2);
+                for (const std::uint16_t slave : {std::uint16_t{3}, std::uint16_t{4}})
+                    untrue += !unseen && bus.in_op(reference) && bus.clock(slave).in_sync &&
+                                      std::abs(bus.ahead_ns(slave, reference)) > 1000
+                                  ? 1U
+                                  : 0U;
+            };
+            for (int n = 0; n < 1000; ++n) step();
+            EXPECT_GE(ends[0], 450U);
+            EXPECT_EQ(ends[1] + ends[2], 0U);
+            bus.power(1, false);
+            unseen = true;
+            for (int n = 0; n < off; ++n) step();
+            bus.power(1, true);
+            step();
+            const Time back = bus.osal.now();
+            for (unsigned n = 0; n < 20 && bus.in_op(2); ++n) step();
+            while (!(bus.in_op(2) && bus.clock(2).in_sync) && bus.osal.now() < back + 20s) step();
+            EXPECT_EQ(reference_clock(*bus.ctx), 2);
+            EXPECT_LE((bus.osal.now() - back) / 1ms, 930);
+            EXPECT_GE(ends[1], 1U);
+            EXPECT_EQ(untrue, 0U);
+        }
+    }
 }
 
 }  // namespace
