@@ -7,8 +7,8 @@ namespace margay {
 
 struct Master;
 
-// Whether the clock of the reference is set: the slave is not lost, and it is not being brought back. A write to a clock
-// that was reset would hide the reset, and its time is not the system time.
+// Whether the clock of the reference is set: the slave is not lost, and it is not being brought back. A write to a
+// clock that was reset would hide the reset, and its time is not the system time.
 [[nodiscard]] bool has_reference_clock(Network& network);
 
 // Writes a register of the reference clock: all 8 octets, or 4 octets if the clock has 32 bits. A lost write is not

@@ -217,8 +217,8 @@ inline constexpr std::int64_t kNear_ns = 100'000;
 // From now on the slave is the reference. The cycles already carry its time. The error is the error of a request to a
 // second reference, which the supervision repeats.
 [[nodiscard]] Task<Result<>> set_reference(Network& network, const Slave& slave);
-// With one NIC: the reference has not answered in the last cycle, or the cycle carries the time of the standby. The last
-// frame for the reference may have misled the clocks, and the supervision has not seen the loss yet.
+// With one NIC: the reference has not answered in the last cycle, or the cycle carries the time of the standby. The
+// last frame for the reference may have misled the clocks, and the supervision has not seen the loss yet.
 [[nodiscard]] bool is_reference_silent(Network& network);
 // When a datagram that is queued now leaves: in a running cycle, with the next cycle.
 [[nodiscard]] Time leaves_at(Network& network);
