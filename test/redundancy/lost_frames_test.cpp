@@ -143,6 +143,32 @@ TEST(RingLostFrames, ANicThatIsSilentIsFound) {
         }
 }
 
+// The cable of one NIC breaks and is repaired, and the NIC reports a link all the time. A branch is reached only by the
+// copies of the second NIC. When the first copy crosses the repaired ring, the copy of the silent NIC is awaited.
+TEST(RingLostFrames, TheFirstCycleAfterTheRepairOfASilentNicIsComplete) {
+    for (const unsigned which : {0U, 1U}) {
+        SCOPED_TRACE("NIC " + std::to_string(which));
+        RingBus bus;
+        bus.build_line(6);
+        (void)bus.add_behind(2, 2);
+        bus.plug();
+        bus.nics[which]->tells_link = false;
+        bus.start();
+        bus.run();
+        const auto cable = which == 0 ? bus.ring_cables.front() : bus.ring_cables.back();
+        bus.cable(cable, false);
+        for (unsigned n = 0; n < 40; ++n) (void)bus.cycle();
+        EXPECT_EQ(bus.status().ring, RingState::broken);
+        bus.cable(cable, true);
+        for (unsigned n = 0; n < 40; ++n) {
+            (void)bus.cycle();
+            EXPECT_TRUE(bus.wkc.ok()) << "cycle " << n << " after the repair: " << bus.words(bus.wkc.error());
+        }
+        EXPECT_EQ(bus.status().ring, RingState::whole);
+        for (const Slave& slave : bus.ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::op) << slave.number;
+    }
+}
+
 // The replies of both NICs or of one NIC are missing for a while, so the library compares the identities of the slaves.
 // Meanwhile the replies of one NIC are missing again. Its slaves get each frame: they keep their outputs, and none of
 // them is started again.
