@@ -409,8 +409,10 @@ std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned fro
     const bool changed = pair.came == (bit(0) | bit(1)) && (pair.crossed == bit(0) || pair.crossed == bit(1));
     const unsigned crossing = processed & pair.crossed;
     const bool complete = crossing != 0 && idle_[crossing == bit(0) ? 1 : 0];
-    if (changed && complete && processed != crossing) take_messages(pair, frame, crossing == bit(from));
-    if (changed && complete) processed = crossing;
+    if (changed && complete) {
+        if (processed != crossing) take_messages(pair, frame, crossing == bit(from));
+        processed = crossing;
+    }
     if (opening_.load(kRelaxed) == Opening::none) note_ring(pair, processed);
     if (processed == 0) return 0;
     const bool misplaced = is_misplaced(pair, processed);
