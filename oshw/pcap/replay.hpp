@@ -1,9 +1,10 @@
 // NICs that answer from a recording in virtual time, without a segment.
 //
 // PcapReplayNic answers single datagrams, so the requests may have another order or another grouping into frames than
-// in the recording. PcapStrictReplayNic requires every frame to be identical and in the recorded order: it is for
-// golden recordings of our own. Both deliver an answer with the recorded delay after its request, and use the source
-// address of the recorded requests as their own.
+// in the recording. A request that the recording does not have, or has not so often, gets no answer: so a program that
+// was recorded in real time may lose single frames in the replay. PcapStrictReplayNic requires every frame to be
+// identical and in the recorded order: it is for golden recordings of our own. Both deliver an answer with the recorded
+// delay after its request, and use the source address of the recorded requests as their own.
 #pragma once
 
 #include "osal/osal.hpp"
