@@ -72,7 +72,8 @@ class PacketNic final : public Nic, public SendClock, public ReceiveClock, publi
     // with a time, by which mqprio and taprio select the queue; 1 to 6, more needs CAP_NET_ADMIN. Call it after open(),
     // in its network namespace; open() and close() end it. etf needs CAP_NET_ADMIN. On failure, problem() contains the
     // refusal of the queueing discipline or of the kernel, and the command that helps. Frames with a time cost two
-    // system calls; one thread sends then. Not callable from the cycle.
+    // system calls. Then one thread calls send(), receive() and missed(), because each of them reads reports of the
+    // kernel. Not callable from the cycle.
     [[nodiscard]] Result<> allow_send_at(unsigned priority = 3) noexcept;
     void set_send_time(Time at) noexcept override { send_time_ = at; }
     // One system call while send times are allowed.
