@@ -62,7 +62,7 @@ bool is_led_away(const Clocks& clocks, const Slave& slave, const FollowedClock& 
 
 void Clocks::forget() {
     for (ClockEntry& entry : entries) entry = {};
-    reference = returning = 0;
+    reference = rate_of = returning = 0;
     measuring = all_in_sync = paused = loss_reported = is_driven = is_paced = false;
     without_time = 0;
     times_seen = times_sent = 0;
@@ -373,13 +373,6 @@ Slave* first_before_reference(Network& network) {
         if (first == nullptr || slave.ring_position < first->ring_position) first = &slave;
     }
     return first;
-}
-
-// The slave becomes the reference with another rate: the other clocks are not in sync until they have learned this
-// rate.
-void lose_sync_of_others(Network& network, const Slave& slave) {
-    for (const Slave& other : network.slaves())
-        if (other.number != slave.number) network.clocks.lose_sync(other);
 }
 
 // In a ring with two NICs the slave does not learn the rate of the reference. Returns how far the slave is ahead.

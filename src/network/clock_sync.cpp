@@ -59,6 +59,7 @@ Task<Result<>> continue_reference(Network& network) {
     ClockEntry& clock = clocks.of(reference);
     clock.end_sync();
     clock.offset_ns = clock_offset_ns(clocks.system_at_ns(sent), clock.delay_ns, clock.local_ns);
+    take_own_rate(network, reference);
     co_return co_await required(write_clock(network, reference));
 }
 
@@ -194,6 +195,7 @@ Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) 
     if (set) set = co_await write_delay_again(network, slave);
     clocks.lose_sync(slave);
     if (first) co_await completion(set_reference(network, slave));
+    if (first && rate == ClockRate::own) clocks.rate_of = slave.number;
     // If the new reference has another rate, the clocks that follow it need time to learn this rate. The clocks that do
     // not follow the slave are not in step with it.
     for (const Slave& other : network.slaves())

@@ -131,9 +131,10 @@ Task<Result<>> replace_reference(Network& network) {
     const bool calm = is_ring ? false : co_await required(calm_rate(network, slave));
     const bool restarted = calm ? false : co_await required(settle_rate(network, slave));
     // No clock is in step with a clock that was not in step with the lost reference.
-    if (restarted || (is_ring && !clocks.of(slave).is_in_step()))
-        for (const Slave& other : network.slaves())
-            if (other.number != next) clocks.lose_sync(other);
+    if (restarted || (is_ring && !clocks.of(slave).is_in_step())) {
+        lose_sync_of_others(network, slave);
+        if (!restarted) clocks.rate_of = 0;  // not known
+    }
     if (!carry_time_of(network, &slave)) co_return Nothing{};
     clocks.loss_reported = false;
     co_return co_await required(set_reference(network, slave));
@@ -146,6 +147,17 @@ std::int64_t greatest_ahead_ns(const FollowedClock& followed, std::int64_t own_n
 }
 
 }  // namespace
+
+void lose_sync_of_others(Network& network, const Slave& reference) {
+    network.clocks.rate_of = reference.number;
+    for (const Slave& other : network.slaves())
+        if (other.number != reference.number) network.clocks.lose_sync(other);
+}
+
+void take_own_rate(Network& network, const Slave& reference) {
+    const Clocks& clocks = network.clocks;
+    if (clocks.rate_of != reference.number || clocks.is_driven) lose_sync_of_others(network, reference);
+}
 
 bool is_reference_silent(Network& network) {
     const Clocks& clocks = network.clocks;
@@ -227,6 +239,7 @@ Task<Result<>> check_reference(Network& network) {
     if (std::abs(std::int64_t{now}) <= clocks.settings.limit_ns || now != before) co_return Nothing{};
     const bool calm = network.redundancy != nullptr ? false : co_await required(calm_rate(network, slave));
     if (calm) co_return Nothing{};
+    take_own_rate(network, slave);
     co_return co_await required(reset_control_loop(network.station(slave)));
 }
 

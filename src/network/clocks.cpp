@@ -403,7 +403,7 @@ Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings set
     if (first.code != Errc::none) co_return first;
     const auto reference = choose_reference(network, settings.reference);
     if (!reference) co_return reference;
-    clocks.reference = *reference;
+    clocks.reference = clocks.rate_of = *reference;
     for (Slave& slave : network.slaves()) (void)note_reach(network, slave);
     clocks.prepare = prepare_clock;
     clocks.watch = watch_clocks;

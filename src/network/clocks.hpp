@@ -104,6 +104,7 @@ struct MeasuredCycle {
 struct Clocks {
     ClockSettings settings;
     std::uint16_t reference = 0;    // number of the slave; 0: configure_clocks() has chosen none
+    std::uint16_t rate_of = 0;      // the slave whose oscillator sets the rate of all clocks: see take_own_rate()
     std::uint16_t returning = 0;    // the slave that return_to_first_clock() brings to the reference
     std::span<ClockEntry> entries;  // by slave number - 1
     std::span<DelayNode> nodes;     // by place
@@ -217,6 +218,10 @@ inline constexpr std::int64_t kNear_ns = 100'000;
 // From now on the slave is the reference. The cycles already carry its time. The error is the error of a request to a
 // second reference, which the supervision repeats.
 [[nodiscard]] Task<Result<>> set_reference(Network& network, const Slave& slave);
+// The reference, or the slave that becomes the reference, runs at the rate of its own oscillator from now on: the other
+// clocks are not in sync until they have learned this rate. take_own_rate(): only if they ran at another rate before.
+void lose_sync_of_others(Network& network, const Slave& reference);
+void take_own_rate(Network& network, const Slave& reference);
 // With one NIC: the reference has not answered in the last cycle, or the cycle carries the time of the standby. The
 // last frame for the reference may have misled the clocks, and the supervision has not seen the loss yet.
 [[nodiscard]] bool is_reference_silent(Network& network);

@@ -400,6 +400,40 @@ TEST(LateReference, ThatRunsAtAnotherRateEndsTheSyncOfTheOthers) {
     EXPECT_EQ(untrue, 0U) << bus.joined(bus.events());
 }
 
+// A reference that has taken over runs at the rate of another oscillator. When it loses its power and is back before
+// another clock has taken over, it has its own rate, and the other clocks do not have this rate.
+TEST(LateReference, ThatHasForgottenTheRateEndsTheSyncOfTheOthers) {
+    for (const int off : {5, 20, 35, 60, 80}) {
+        SCOPED_TRACE(off);
+        LateClocksBus bus;
+        bus.hang(0, {.unit = sim::DcUnit::receive_times});
+        bus.hang(3, {.drift_ppb = 90'000, .start_ns = 123});
+        bus.hang(1, {.drift_ppb = -50'000, .start_ns = 1234});
+        bus.hang(2, {.drift_ppb = -30'000, .start_ns = 12345});
+        bus.bring_up({.watch_interval = 100ms}, {});
+        bus.power(1, false);
+        bus.steps(2000 + off);
+        ASSERT_EQ(reference_clock(*bus.ctx), 3);
+        ASSERT_TRUE(bus.clock(4).in_sync);
+        ASSERT_LE(std::abs(bus.ahead_ns(4, 3)), 200);
+        (void)bus.events();
+        bus.power(2, false);
+        bus.steps(3);
+        bus.power(2, true);
+        bool seen = false;
+        unsigned untrue = 0;
+        for (int n = 0; n < 3000; ++n) {
+            bus.step();
+            seen |= !bus.in_op(3);
+            const std::uint16_t reference = reference_clock(*bus.ctx);
+            const bool away = std::abs(bus.ahead_ns(4, reference)) > 1000;
+            untrue += seen && bus.in_op(reference) && bus.clock(4).in_sync && away ? 1U : 0U;
+        }
+        EXPECT_TRUE(bus.clock(4).in_sync);
+        EXPECT_EQ(untrue, 0U) << bus.joined(bus.events());
+    }
+}
+
 // The master writes its time to the reference, so that a reference which has come back leaves the time of the other
 // clocks. With cycles of 10 ms, 32 comparisons take 320 ms.
 TEST(LateReference, ThatIsLedAwayEndsTheSyncOfTheOthersSoon) {
