@@ -32,9 +32,10 @@ struct LatchEdge {
 //
 // The request continues when the slave does not answer, and writes the latch control again when the slave has lost it.
 // A slave that was reset keeps no edges until its clock shows the system time again. The slave needs a clock. Call
-// configdc() before, so that the times can be compared with other slaves. For the thread that owns the context. Errors:
-// no_clock (the slave has no latch registers), unsupported (the slave's processor controls a latch input, ESC register
-// 0x0980), unknown_slave, invalid_argument (interval).
+// configdc() before, so that the times can be compared with other slaves. Any thread may submit and cancel the request.
+// While it is busy, only the thread that owns the context may read `edges`. Errors: no_clock (the slave has no latch
+// registers), unsupported (the slave's processor controls a latch input, ESC register 0x0980), unknown_slave,
+// invalid_argument (interval).
 struct LatchRequest : SlaveRequest {
     LatchRequest();
     Duration interval = std::chrono::milliseconds(1);

@@ -71,6 +71,11 @@ class PhaseController {
     // more) without a reading, the phase is not known any more: state() is busy instead of in_sync, until a reading is
     // within the limit.
     [[nodiscard]] std::int64_t coast(Time now);
+    // The same for a correction that is sent with frames that may be lost, as the reading was. When such corrections in
+    // succession exceed the limit together, state() is busy, until a reading is within the limit.
+    [[nodiscard]] std::int64_t coast_unsure(Time now);
+    // The sum of the magnitudes of these corrections since the last reading.
+    [[nodiscard]] std::uint64_t unsure_ns() const { return unsure_ns_; }
     // One cycle in which this controller corrects nothing: updates the state and the statistics, and measures the drift
     // by the change of the error from cycle to cycle (the mean of the last 256). A program calls either update() or
     // observe() of one controller.
@@ -112,7 +117,7 @@ class PhaseController {
     std::uint16_t held_ = 0;        // errors whose correction is the greatest step, at most kManyHeld
     std::uint16_t pairs_ = 0;       // how many differences of two errors have been seen, at most kManyPairs
     bool has_last_ = false;         // the last cycle has brought an error that is no outlier
-    bool unknown_ = false;          // see coast()
+    bool unknown_ = false;          // see coast() and coast_unsure()
     std::int64_t last_ns_ = 0;      // that error
     std::uint64_t jitter_ = 0;      // the mean of the squares of the jitter, in ns², times kManyPairs
     std::int64_t drift_fs_ = 0;     // in a cycle, in femtoseconds
@@ -124,6 +129,7 @@ class PhaseController {
     PhaseState state_ = PhaseState::idle;
     Time within_since_ = kNever;
     Time read_at_{};
+    std::uint64_t unsure_ns_ = 0;
     std::int64_t error_ns_ = 0;
     std::uint64_t sum_ns_ = 0;
     std::uint64_t most_ns_ = 0;

@@ -73,17 +73,16 @@ Duration ExternalClock::update(Context& ctx, Duration lateness) {
         return earlier;
     }
     const Time now = cycle_.record().at;
+    if (!came) {
+        (void)coast_reference(*master, reference_, cycle_.record().read, now, settings_.phase.cycle);
+        return earlier;
+    }
     const bool waits = waits_for_cycle(network, now, settings_.phase.cycle);
     const std::uint32_t under_way = cycles_without_time(network.process.groups[settings_.cycle.group]);
-    std::int64_t correction = 0;
-    if (came) {
-        const auto grid = static_cast<std::uint64_t>(settings_.grid.count());
-        const std::uint64_t ahead = internal_.read() % grid + (grid - external_.read() % grid);
-        correction = reference_.update(phase_error_ns(ahead, grid, settings_.offset.count()), now,
-                                       static_cast<std::uint8_t>(not_visible(waits) + under_way));
-    } else {
-        correction = reference_.coast(network.engine.now());
-    }
+    const auto grid = static_cast<std::uint64_t>(settings_.grid.count());
+    const std::uint64_t ahead = internal_.read() % grid + (grid - external_.read() % grid);
+    const std::int64_t correction = reference_.update(phase_error_ns(ahead, grid, settings_.offset.count()), now,
+                                                      static_cast<std::uint8_t>(not_visible(waits) + under_way));
     shift_reference(*master, correction, settings_.phase.cycle, waits);
     return earlier;
 }

@@ -99,16 +99,15 @@ Duration LinkLayerClock::update(Context& ctx, Duration lateness) {
     return *earlier;
 }
 
-// One cycle without a reading. `sent`: when it was sent.
+// One cycle without a comparison. `sent`: when it was sent.
 Duration LinkLayerClock::coast(Master& master, Time sent) {
-    const Time now = master.network.engine.now();
     length_.skip();
     record_.at = sent;
-    record_.adjust_ns = reference_.coast(now);
+    const ProcessGroup& group = master.network.process.groups[settings_.group];
+    const bool read = group.dc_time.came && group.dc_time.slaves != 0;
+    record_.adjust_ns = coast_reference(master, reference_, read, sent, settings_.phase.cycle);
     record_.adjusted_ns += record_.adjust_ns;
-    shift_reference(master, record_.adjust_ns, settings_.phase.cycle,
-                    waits_for_cycle(master.network, sent, settings_.phase.cycle));
-    return Duration(cycle_.coast(now));
+    return Duration(cycle_.coast(master.network.engine.now()));
 }
 
 }  // namespace margay

@@ -53,13 +53,14 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     };
     if (!record_.read) {
         length_.skip();
-        const Time now = network.engine.now();
-        if (!corrects()) controller_.observe_nothing(now);
-        record_.adjust_ns = corrects() ? controller_.coast(now) : 0;
-        record_.adjusted_ns += record_.adjust_ns;
+        record_.adjust_ns = 0;
         if (settings_.mode == Mode::bus_shift)
-            shift_reference(*master, record_.adjust_ns, settings_.phase.cycle,
-                            waits_for_cycle(network, record_.at, settings_.phase.cycle));
+            record_.adjust_ns = coast_reference(*master, controller_, false, record_.at, settings_.phase.cycle);
+        else if (settings_.mode == Mode::master_shift)
+            record_.adjust_ns = controller_.coast(network.engine.now());
+        else
+            controller_.observe_nothing(network.engine.now());
+        record_.adjusted_ns += record_.adjust_ns;
         (void)tell_state();
         return Duration(settings_.mode == Mode::master_shift ? record_.adjust_ns : 0);
     }

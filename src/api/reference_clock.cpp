@@ -32,6 +32,11 @@ bool has_reference_clock(Network& network) {
 
 namespace {
 
+void lose_other_clocks(Network& network) {
+    for (const Slave& slave : network.slaves())
+        if (slave.number != network.clocks.reference) network.clocks.lose_sync(slave);
+}
+
 // The other clocks follow a change of the rate of the reference only after some milliseconds. So they are not in sync
 // until the supervision has compared them again.
 void note_shift(Network& network, std::int64_t correction_ns, Duration cycle) {
@@ -49,8 +54,7 @@ void note_shift(Network& network, std::int64_t correction_ns, Duration cycle) {
     const bool is_faster = std::abs(std::int64_t{clocks.shifted_ns}) > 2 * limit_ns;
     if (!network.supervised || (!jumps && !is_faster)) return;
     clocks.shifted_ns = 0;
-    for (const Slave& slave : network.slaves())
-        if (slave.number != clocks.reference) clocks.lose_sync(slave);
+    lose_other_clocks(network);
 }
 
 }  // namespace
@@ -75,6 +79,16 @@ void shift_reference(Master& master, std::int64_t correction_ns, Duration cycle,
     ClockEntry& reference = network.clocks.entries[network.clocks.reference - 1U];
     reference.offset_ns -= static_cast<std::uint64_t>(correction_ns);
     send_to_reference(master, wire::reg::kSystemTimeOffset, reference.offset_ns, waits);
+}
+
+std::int64_t coast_reference(Master& master, PhaseController& controller, bool read, Time sent, Duration cycle) {
+    Network& network = master.network;
+    const Time now = network.engine.now();
+    const std::int64_t correction = read ? controller.coast(now) : controller.coast_unsure(now);
+    const std::uint64_t limit_ns = 4 * std::uint64_t{network.clocks.settings.limit_ns};
+    if (network.supervised && controller.unsure_ns() > limit_ns) lose_other_clocks(network);
+    shift_reference(master, correction, cycle, waits_for_cycle(network, sent, cycle));
+    return correction;
 }
 
 std::uint64_t whole_bus_time(Network& network, const ProcessGroup& group, Time at, std::uint64_t last, Time last_at) {

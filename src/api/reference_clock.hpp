@@ -3,6 +3,8 @@
 
 #include "network/clocks.hpp"
 
+#include <margay/phase_controller.hpp>
+
 namespace margay {
 
 struct Master;
@@ -23,6 +25,12 @@ void send_to_reference(Master& master, wire::Register r, std::uint64_t value, bo
 // Moves the system time of the reference clock back by `correction_ns` (register 0x0920) in this cycle. Without
 // `waits`, the next reading shows it.
 void shift_reference(Master& master, std::int64_t correction_ns, Duration cycle, bool waits);
+
+// One cycle that has brought no error for `controller`, which steers the reference clock. Returns the correction.
+// `read`: the cycle has read the time of the reference clock. Otherwise the corrections may be lost, too: the reference
+// then loses the rate that the other clocks have learned, so they are not in sync soon.
+[[nodiscard]] std::int64_t coast_reference(Master& master, PhaseController& controller, bool read, Time sent,
+                                           Duration cycle);
 
 // Whether there is a cycle, and the set value is less than a cycle.
 [[nodiscard]] constexpr bool is_in_cycle(Duration set_value, Duration cycle) {

@@ -171,6 +171,7 @@ void PhaseController::note(std::int64_t error_ns, Time now) {
     if (is_silent(now) && state_ != PhaseState::in_sync) within_since_ = kNever;
     read_at_ = now;
     unknown_ = false;
+    unsure_ns_ = 0;
     error_ns_ = error_ns;
     sum_ns_ += magnitude(error_ns);
     most_ns_ = std::max(most_ns_, magnitude(error_ns));
@@ -242,6 +243,13 @@ void PhaseController::observe(std::int64_t error_ns, Time now) {
 std::int64_t PhaseController::coast(Time now) {
     observe_nothing(now);
     return whole(drift_fs_);
+}
+
+std::int64_t PhaseController::coast_unsure(Time now) {
+    const std::int64_t correction = coast(now);
+    unsure_ns_ = std::min<std::uint64_t>(unsure_ns_ + magnitude(correction), UINT32_MAX);
+    unknown_ |= unsure_ns_ > settings_.limit_ns;
+    return correction;
 }
 
 void PhaseController::observe_nothing(Time now) {
