@@ -136,6 +136,10 @@ class Redundancy final : public Nic, public Cables {
     // For the application. It asks both NICs for their links, which may wait in the system: a network driver, or
     // another program that changes an interface.
     [[nodiscard]] RedundancyStatus status() const noexcept;
+    // Whether a NIC has not accepted its last frame.
+    [[nodiscard]] bool refuses() const noexcept {
+        return refused_[0].load(std::memory_order_relaxed) || refused_[1].load(std::memory_order_relaxed);
+    }
     [[nodiscard]] RingState ring() const noexcept { return ring_; }
     [[nodiscard]] CablingFault fault() const noexcept { return fault_; }
     // The NIC at the beginning of the ring.

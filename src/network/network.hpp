@@ -83,6 +83,9 @@ class RedundancyPart {
     [[nodiscard]] virtual bool begins_right(Network& network) = 0;
     // Whether slaves may be started and delays may be measured: see set_automatic_restoring().
     [[nodiscard]] virtual bool may_restore() const = 0;
+    // A NIC has not accepted its last frame, and the ring is still regarded as whole: its cable has probably broken
+    // between both copies of a frame.
+    [[nodiscard]] virtual bool is_breaking() const = 0;
     // How often the ring was broken or closed.
     [[nodiscard]] virtual std::uint32_t changes() const = 0;
     // For a scan: reads the ports of all slaves again if a cable has broken or was connected since there were

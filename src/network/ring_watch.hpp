@@ -21,6 +21,7 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] RingParts parts() const override;
     [[nodiscard]] Task<Result<>> find_beginning(Network& network) override;
     [[nodiscard]] bool begins_right(Network& network) override;
+    [[nodiscard]] bool is_breaking() const override { return ring_.refuses() && ring_.ring() == RingState::whole; }
     [[nodiscard]] bool may_restore() const override { return automatic_ || ring_.changes() == restored_; }
     void set_automatic(bool on) {
         automatic_ = on;

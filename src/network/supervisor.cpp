@@ -92,6 +92,9 @@ Task<Result<>> look_at(Network& network, Slave& slave, SumConfirmation& confirma
     }
     const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
+    // The copy of the frame that reaches the slave may not have been sent.
+    const bool breaks = network.redundancy != nullptr && network.redundancy->is_breaking();
+    if (breaks && was_there && does_not_answer(seen.error())) seen = co_await read_al_status(network.station(slave));
     // While the slave is in use, the reading may be older than a change of the state.
     if (!may_look_at(network, slave) || (!seen && !does_not_answer(seen.error()))) co_return Nothing{};
     if (!seen) {
