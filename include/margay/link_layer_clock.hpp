@@ -39,11 +39,12 @@ class LinkLayerClock : public CycleClock {
     // `nic` is the clock of the NIC that sends the cycle; it must outlive this object.
     LinkLayerClock(SendClock& nic, const Settings& settings);
 
-    // As MasterClock::update(): call it after each receive_processdata(); run_cycle() and reach() do it. Returns by how
-    // much the next cycle must come earlier, so that the frames leave at the whole multiples of the cycle.
-    // EventKind::master_in_sync and master_out_of_sync are reported for the reference clock. A cycle whose frame has no
-    // time stamp yet is compared one cycle later. A cycle that never gets a time stamp corrects nothing, and neither do
-    // overlapping cycles (GroupConfiguration::cycles_in_flight).
+    // As MasterClock::update(): call it once in each cycle, after receive_processdata(); run_cycle() and reach() do it.
+    // The next cycle may have been sent before, or be sent afterwards. `lateness` belongs to the cycle that was
+    // received. Returns by how much the next cycle must come earlier, so that the frames leave at the whole multiples
+    // of the cycle. EventKind::master_in_sync and master_out_of_sync are reported for the reference clock. A cycle
+    // whose frame has no time stamp yet is compared one cycle later. A cycle that never gets a time stamp corrects
+    // nothing, and neither do overlapping cycles (GroupConfiguration::cycles_in_flight).
     [[nodiscard]] Duration update(Context& ctx, Duration lateness);
     void restart();
 
@@ -62,6 +63,10 @@ class LinkLayerClock : public CycleClock {
     [[nodiscard]] const ClockRecord& record() const { return record_; }
 
   private:
+    struct Sent {
+        std::array<std::byte, SendClock::kHeadBytes> head{};
+        Time at{};
+    };
     struct Reading {
         std::array<std::byte, SendClock::kHeadBytes> head{};
         std::uint64_t bus_time_ns = 0;
@@ -77,6 +82,7 @@ class LinkLayerClock : public CycleClock {
     PhaseController cycle_;
     ClockRecord record_;
     Reading pending_;
+    Sent sent_;  // the first frame of the last cycle, as update() has seen it
     CycleCheck length_;
     std::int64_t earlier_ns_ = 0;  // the correction of the last cycle
     std::uint64_t without_stamp_ = 0;

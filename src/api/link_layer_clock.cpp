@@ -27,6 +27,7 @@ void LinkLayerClock::restart() {
     earlier_ns_ = 0;
     is_pending_ = was_in_sync_ = false;
     pending_ = {};
+    sent_ = {};
     without_stamp_ = 0;
 }
 
@@ -42,10 +43,12 @@ std::optional<Duration> LinkLayerClock::take(Context& ctx, const Reading& readin
         phase_error_ns(reading.bus_time_ns % cycle + (cycle - *sent_ns % cycle), cycle, set_value);
     const Time last = time_sent_at(network.process.groups[settings_.group], network.engine.link());
     const bool waits = waits_for_cycle(network, last, settings_.phase.cycle);
-    // A pending reading does not show the corrections of the last update() either.
+    // A pending reading does not show the corrections of the last update() either, and neither does a cycle that is
+    // under way.
     const std::uint8_t pending = is_pending_ ? 1 : 0;
+    const std::uint32_t under_way = cycles_without_time(network.process.groups[settings_.group]);
     const std::int64_t correction =
-        reference_.update(error, reading.at, static_cast<std::uint8_t>(pending + (waits ? 1 : 0)));
+        reference_.update(error, reading.at, static_cast<std::uint8_t>(pending + under_way + (waits ? 1 : 0)));
     shift_reference(master, correction, settings_.phase.cycle, waits);
     record_.at = reading.at;
     record_.bus_time_ns = reading.bus_time_ns;
@@ -76,19 +79,25 @@ Duration LinkLayerClock::update(Context& ctx, Duration lateness) {
         if (!earlier) ++without_stamp_;
     }
     is_pending_ = false;
+    // If the next cycle is under way already, its frame was sent in place of the frame that has brought the time.
     const bool single = !group.prepared.empty() && group.overlap.sets <= 1;
-    if (single && group.dc_time.came && group.dc_time.slaves != 0) {
-        const Time at = time_sent_at(group, network.engine.link());
+    const Sent before = sent_;
+    if (single) {
+        sent_.at = group.pace.last;
+        std::copy_n(group.prepared.front().bytes.begin(), sent_.head.size(), sent_.head.begin());
+    }
+    const Sent& brought = single && is_time_awaited(group) ? before : sent_;
+    const Time at = time_sent_at(group, network.engine.link());
+    if (single && group.dc_time.came && group.dc_time.slaves != 0 && brought.at == at) {
         const std::uint64_t time = whole_bus_time(network, group, at, pending_.bus_time_ns, pending_.at);
-        pending_ = {.bus_time_ns = time, .at = at, .lateness = lateness};
-        std::copy_n(group.prepared.front().bytes.begin(), pending_.head.size(), pending_.head.begin());
+        pending_ = {.head = brought.head, .bus_time_ns = time, .at = at, .lateness = lateness};
         is_pending_ = earlier.has_value();  // a correction that was made in this update()
         const auto now = take(ctx, pending_);
         is_pending_ = !now;
         if (now) earlier = earlier.value_or(Duration{0}) + *now;
     }
     record_.read = earlier.has_value();
-    if (!earlier) earlier = coast(*master, time_sent_at(group, network.engine.link()));
+    if (!earlier) earlier = coast(*master, at);
     earlier_ns_ = earlier->count();
     record_.state = state();
     const bool in_sync = record_.state == PhaseState::in_sync;

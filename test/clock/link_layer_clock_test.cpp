@@ -47,14 +47,15 @@ struct LinkLayerClockTest : testing::Test, ClockBus {
     double most = 0;
     int counted = 0;
 
-    void bring_up(bool stamps = true) {
+    void bring_up(bool stamps = true, Duration round_trip = Duration{0}) {
         add({.drift_ppb = -80'000, .start_ns = 99});
         add({.drift_ppb = 40'000});
         segment.power_up(osal.now());
-        nic = std::make_unique<SimulatedNic>(
-            segment, osal,
-            SimulatedNic::Options{
-                .time_stamps = stamps, .clock_drift_ppb = 60'000, .clock_start_ns = 0x1234'5678'9ABC});
+        nic = std::make_unique<SimulatedNic>(segment, osal,
+                                             SimulatedNic::Options{.round_trip = round_trip,
+                                                                   .time_stamps = stamps,
+                                                                   .clock_drift_ppb = 60'000,
+                                                                   .clock_start_ns = 0x1234'5678'9ABC});
         ctx = std::make_unique<HostContext>(limits);
         ASSERT_TRUE(init(*ctx, *nic, osal).ok());
         ASSERT_TRUE(config_init(*ctx).ok());
@@ -231,6 +232,54 @@ TEST_P(LinkLayerClockOf, ComesIntoSyncAndLosesNoFrame) {
 
 INSTANTIATE_TEST_SUITE_P(MillisecondsAndLateStamps, LinkLayerClockOf,
                          testing::Combine(testing::Values(1, 9, 10, 12, 20), testing::Bool()));
+
+// The orders of receive (R), send (S), update (U) and poll (P) in a cycle. In some orders, the next cycle is under way
+// when the reading of the last one is compared, or poll() has read its frame. `polls`: until the next cycle is due.
+struct LinkLayerOrder {
+    const char* calls;
+    bool polls;
+};
+struct LinkLayerClockIn : LinkLayerClockTest, testing::WithParamInterface<LinkLayerOrder> {};
+
+TEST_P(LinkLayerClockIn, EachOrderOfCallsTheJitterOfTheHostMovesNothing) {
+    bring_up(true, 20us);
+    for (const Duration cycle : {1ms, 12ms}) {
+        SCOPED_TRACE(cycle / 1ms);
+        LinkLayerClock clock(*nic, {.set_value = -200us, .phase = {.cycle = cycle}});
+        std::uniform_int_distribution<std::int64_t> hidden(0, 30'000);
+        std::int64_t greatest = 0;
+        for (int n = 0; n < 4000; ++n) {
+            const Time begin = due + Duration{hidden(random)};
+            while (osal.now() < begin) {
+                const Time next = GetParam().polls ? poll(*ctx, osal.now()) : begin;
+                osal.advance(std::clamp<Duration>(next - osal.now(), 5us, begin - osal.now()));
+            }
+            Duration earlier{};
+            for (const char* call = GetParam().calls; *call != '\0'; ++call) {
+                if (*call == 'R') (void)receive_processdata(*ctx, reply_timeout);
+                if (*call == 'S') ASSERT_TRUE(send_processdata(*ctx).ok());
+                if (*call == 'U') earlier = clock.update(*ctx, 0us);
+                if (*call == 'P') (void)poll(*ctx, osal.now());
+            }
+            due += cycle - earlier;
+            if (n > 3000) greatest = std::max(greatest, std::abs(clock.error_ns()));
+        }
+        EXPECT_EQ(clock.state(), PhaseState::in_sync) << to_text(clock.state());
+        EXPECT_LE(greatest, 1000);
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Orders, LinkLayerClockIn,
+                         testing::Values(LinkLayerOrder{"SRUP", false}, LinkLayerOrder{"SRUP", true},
+                                         LinkLayerOrder{"RSUP", false}, LinkLayerOrder{"RSUP", true},
+                                         LinkLayerOrder{"RUSP", false}, LinkLayerOrder{"RUSP", true},
+                                         LinkLayerOrder{"PRSU", false}, LinkLayerOrder{"RSPU", false},
+                                         LinkLayerOrder{"RPSU", true}, LinkLayerOrder{"PRUS", false},
+                                         LinkLayerOrder{"SPRU", false}, LinkLayerOrder{"SUPR", false},
+                                         LinkLayerOrder{"SUPR", true}),
+                         [](const testing::TestParamInfo<LinkLayerOrder>& order) {
+                             return std::string(order.param.calls) + (order.param.polls ? "Polls" : "");
+                         });
 
 TEST_F(LinkLayerClockTest, RunCycleFollowsIt) {
     bring_up();
