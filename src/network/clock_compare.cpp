@@ -63,8 +63,8 @@ bool is_led_away(const Clocks& clocks, const Slave& slave, const FollowedClock& 
 void Clocks::forget() {
     for (ClockEntry& entry : entries) entry = {};
     reference = rate_of = returning = 0;
-    measuring = all_in_sync = paused = loss_reported = is_driven = is_paced = false;
-    without_time = 0;
+    measuring = all_in_sync = paused = loss_reported = is_driven = is_paced = trusts_next = false;
+    without_time = odd_times = 0;
     times_seen = times_sent = 0;
     greatest_ns = 0;
     paced_ns = 0;
@@ -294,11 +294,12 @@ bool still_returns(Network& network, const Slave& slave, std::uint16_t reference
 // register keeps this comparison while the slave is the reference, see check_reference().
 Task<Result<>> teach_time(Network& network, Slave& slave, ReturnToken* token) {
     const std::uint16_t reference = network.clocks.reference;
-    const auto ends = [&] { return token != nullptr && !still_returns(network, slave, reference); };
+    const auto ends = [&] {  // by odd times: the reference was reset perhaps, see send_time()
+        return network.clocks.odd_times > 2 || (token != nullptr && !still_returns(network, slave, reference));
+    };
     const Error ended{.code = Errc::unstable, .slave = slave.number};
     if (token != nullptr) token->reset();
-    constexpr unsigned kLeast = 200;
-    constexpr unsigned kMost = 400;
+    constexpr unsigned kLeast = 200, kMost = 400;
     const std::int64_t limit_ns = network.clocks.settings.limit_ns;
     std::int64_t away_ns = limit_ns;
     for (unsigned frame = 0; frame < kLeast || (frame < kMost && away_ns > limit_ns / 2); ++frame) {
@@ -355,6 +356,7 @@ Task<Result<Lesson>> teach_rate(Network& network, Slave& slave, Slave& reference
 
 Task<Result<bool>> learn_rate(Network& network, Slave& slave, Slave& reference) {
     const auto lesson = co_await required(teach_rate(network, slave, reference, nullptr));
+    if (std::abs(lesson.ahead_ns) > kNear_ns) co_return Error{.code = Errc::unstable};  // the reference was reset
     co_await required(move_clock(network, slave, -lesson.ahead_ns));
     co_return lesson.learned;
 }

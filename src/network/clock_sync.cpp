@@ -63,17 +63,21 @@ Task<Result<>> continue_reference(Network& network) {
     co_return co_await required(write_clock(network, reference));
 }
 
-// Whether the reference clock was reset. Then its offset is 0, or, if the bus shift has written an offset meanwhile,
-// its time is far from the expected system time. `offset`: receives the offset register.
+// The application or MasterClock writes times to this clock, which may be far from the expected system time.
+bool is_moved_freely(const Clocks& clocks, const Slave& reference) {
+    return clocks.is_driven && reference.number == clocks.reference;
+}
+
+// Whether the reference clock was reset. Then its offset is 0, or, if the bus shift or the controller of a second
+// reference has written an offset meanwhile, its time is far from the expected system time. `offset`: receives the
+// offset register.
 Task<Result<bool>> was_reset(Network& network, const Slave& reference, std::uint64_t& offset) {
-    constexpr std::int64_t kNearest_ns = 20'000'000;
-    constexpr std::int64_t kRateParts = 500;  // 2000 ppm
     const Clocks& clocks = network.clocks;
     const ClockEntry& clock = clocks.entries[reference.number - 1U];
     const Station station = network.station(reference);
     offset = co_await required(read<std::uint64_t>(station, reg::kSystemTimeOffset, Step::configure_clocks));
     if (offset == 0 && clock.offset_ns != 0) co_return true;
-    if (clocks.is_driven) co_return false;
+    if (is_moved_freely(clocks, reference)) co_return false;
     // With long cycles, a lost frame is repeated much later.
     std::array<std::byte, reg::kSystemTime.length> time{};
     TimedDatagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kSystemTime.address},
@@ -81,11 +85,7 @@ Task<Result<bool>> was_reset(Network& network, const Slave& reference, std::uint
     auto reply = co_await look;
     const Error error = error_of_reply(station, reply, Step::configure_clocks, reg::kSystemTime.address);
     if (error.code != Errc::none) co_return error;
-    const std::uint64_t about = clocks.system_at_ns(look.sent_at());
-    const std::uint64_t seen = clock.kind == ClockKind::bits64 ? load_le<std::uint64_t>(time)
-                                                               : extend_time_ns(load_le<std::uint32_t>(time), about);
-    co_return std::abs(static_cast<std::int64_t>(seen - about)) >
-        kNearest_ns + std::abs((look.sent_at() - clocks.system_at).count()) / kRateParts;
+    co_return !clocks.is_likely(load_le<std::uint64_t>(time), clock.kind == ClockKind::bits64, look.sent_at());
 }
 
 }  // namespace
@@ -129,13 +129,19 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
         co_await required(continue_reference(network));
         offset = clocks.of(reference).offset_ns;
     }
+    // A second reference without its clock leads no other clock: it is set first, when its slave is brought back.
+    const Error no_time{.code = Errc::unstable, .step = Step::configure_clocks, .slave = slave.number};
+    if (reset && reference.number != clocks.reference) co_return no_time;
     co_await required(latch_receive_times(network));
     co_await required(read_receive_times(network, slave, Keep::no));
     co_await required(read_receive_times(network, reference, Keep::no));
     ClockEntry& clock = clocks.of(slave);
     const ClockEntry& source = clocks.of(reference);
     const std::uint64_t system = source.local_ns + offset - source.delay_ns;
-    clocks.note_time(system, source.kind == ClockKind::bits64, clocks.latched_at);
+    // The reference may have lost its power since its offset was read.
+    const bool wide = source.kind == ClockKind::bits64;
+    if (!is_moved_freely(clocks, reference) && !clocks.is_likely(system, wide, clocks.latched_at)) co_return no_time;
+    clocks.note_time(system, wide, clocks.latched_at);
     clock.offset_ns = clock_offset_ns(clocks.system_ns, way + source.delay_ns, clock.local_ns);
     co_return co_await required(write_clock(network, slave));
 }
@@ -148,14 +154,19 @@ Task<Result<>> write_delay_again(Network& network, Slave& slave) {
 }
 
 // Sends the time until the clock of the slave is within the limit, for kLongest at most. If the clock is still outside
-// the limit, the supervision reports it later.
+// the limit, the supervision reports it later. A reference that is lost meanwhile, and comes back in a lower state, has
+// a time of its own, which must reach no clock.
 Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
     constexpr Duration kLongest = std::chrono::milliseconds(800);
     const Time give_up = later(network.engine.now(), kLongest);
     unsigned good = 0;
     constexpr unsigned kEnough = 10;
-    while (good < kEnough && network.engine.now() < give_up) {
-        co_await required(send_time(network));
+    const Slave& reference = network.slave(network.clocks.reference);
+    const AlState begun = reference.al.state;
+    const auto is_kept = [&] { return network.clocks.reference == reference.number && reference.al.state >= begun; };
+    while (good < kEnough && network.engine.now() < give_up && is_kept()) {
+        const auto sent = co_await send_time(network);
+        if (!sent) break;
         co_await required(read_difference(network, slave));
         const std::int64_t away = std::abs(std::int64_t{network.clocks.of(slave).difference_ns});
         good = away <= network.clocks.settings.limit_ns ? good + 1 : 0;

@@ -388,6 +388,14 @@ Task<Result<>> compare_clocks(Network& network) {
     co_return all;
 }
 
+// The cycles bring times of the reference that no rate explains. They count if the reference was not reset.
+Task<Result<>> judge_odd_times(Network& network) {
+    const auto kept = co_await check_offset(network);
+    if (kept) network.clocks.trusts_next = true;
+    if (!kept && kept.error().code == Errc::unstable) co_await completion(restore_reference(network));
+    co_return Nothing{};
+}
+
 // Compares the clocks in the intervals of the watch, until `done`.
 Task<Result<>> compare_until(Network& network, const bool& done) {
     constexpr Duration kLook =
@@ -453,6 +461,7 @@ Task<Result<>> watch_clocks(Network& network) {
     co_await required(set_late_clock(network));
     const bool stopped = note_time_of_cycle(network);
     if (stopped) co_await completion(restore_reference(network));
+    if (clocks.odd_times >= Clocks::kManyOdd) co_await completion(judge_odd_times(network));
     note_cycle_time(network);
     choose_standby(network);
     constexpr std::uint8_t kEnoughOld = 5;  // after these rounds, all slaves of a branch are lost or back
@@ -469,7 +478,7 @@ Task<Result<>> watch_clocks(Network& network) {
         if (!improved && improved.error().code == Errc::capacity) co_return improved;
     }
     if (!cycle_carries_time(network)) {
-        co_await required(send_time(network));
+        co_await completion(send_time(network));
     }
     co_return co_await required(compare_clocks(network));
 }

@@ -352,11 +352,25 @@ Task<Result<>> send_time(Network& network) {
                         MutableBytes(time).first(wide ? 8U : 4U), Repeat::no);
     carry.send_alone();
     auto reply = co_await carry;
-    if (reply.ok() && reply.wkc != 0) {
-        ++network.clocks.times_sent;
-        network.clocks.note_seen_time(load_le<std::uint64_t>(time), wide, carry.sent_at());
-    }
-    co_return Nothing{};  // a lost frame is no error: the next frame brings the time
+    if (!reply.ok() || reply.wkc == 0) co_return Nothing{};  // a lost frame is no error: the next frame brings the time
+    Clocks& clocks = network.clocks;
+    ++clocks.times_sent;
+    clocks.note_seen_time(load_le<std::uint64_t>(time), wide, carry.sent_at());
+    constexpr std::uint8_t kFewOdd = 2;
+    if (clocks.odd_times < kFewOdd) co_return Nothing{};
+    co_await required(check_offset(network));
+    clocks.trusts_next = true;
+    clocks.note_seen_time(load_le<std::uint64_t>(time), wide, carry.sent_at());
+    co_return Nothing{};
+}
+
+Task<Result<>> check_offset(Network& network) {
+    const Slave& reference = network.slave(network.clocks.reference);
+    const auto offset =
+        co_await required(read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, kClockStep));
+    if (offset == 0 && network.clocks.of(reference).offset_ns != 0)
+        co_return Error{.code = Errc::unstable, .step = kClockStep, .slave = reference.number};
+    co_return Nothing{};
 }
 
 Task<Result<std::uint32_t>> read_greatest_difference(Network& network) {

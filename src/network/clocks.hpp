@@ -127,6 +127,7 @@ struct Clocks {
     std::uint64_t paced_ns = 0;    // the cycle of this MasterClock; 0: it is not in sync with the bus
     bool loss_reported = false;    // the loss of the reference was reported
     std::uint8_t odd_times = 0;    // how many times in succession note_seen_time() has left out
+    bool trusts_next = false;      // see note_seen_time()
     bool ways_unknown = false;     // frames enter slaves at other ports, and find_ways() does not know how
     bool unknown_latched = false;  // the last latching has reached more slaves than are known to be in the ring
     std::uint16_t looked_at = 0;   // the slave whose difference was read last while all clocks were in sync
@@ -163,22 +164,41 @@ struct Clocks {
         system_ns = wide ? time_ns : extend_time_ns(static_cast<std::uint32_t>(time_ns), about);
         system_at = now;
     }
-    // The same for a time that frames bring without a request. A time that no rate explains is left out until such
-    // times have come often in succession: a slave that was reset, and is not known to be lost yet, answers by its
-    // position with a time of its own.
+    // How far the reference clock, which showed `time_ns` (`wide`: 64 bits of it) at `now`, is ahead of the expected
+    // time.
+    [[nodiscard]] std::int64_t ahead_of_expected_ns(std::uint64_t time_ns, bool wide, Time now) const {
+        const std::uint64_t about = system_at_ns(now);
+        const std::uint64_t seen = wide ? time_ns : extend_time_ns(static_cast<std::uint32_t>(time_ns), about);
+        return static_cast<std::int64_t>(seen - about);
+    }
+    // How far the rates of two clocks may have moved them apart since the last known system time.
+    [[nodiscard]] std::int64_t drift_since_ns(Time now) const {
+        constexpr std::int64_t kRateParts = 500;                  // 2000 ppm
+        return std::abs((now - system_at).count()) / kRateParts;  // the system time may be newer
+    }
+    // Whether a reference clock that was not reset may show this time.
+    [[nodiscard]] bool is_likely(std::uint64_t time_ns, bool wide, Time now) const {
+        constexpr std::int64_t kNearest_ns = 20'000'000;
+        const std::int64_t limit = kNearest_ns + drift_since_ns(now);
+        const std::int64_t ahead = ahead_of_expected_ns(time_ns, wide, now);
+        return ahead <= limit && ahead >= -limit;
+    }
+    // The same for a time that frames bring without a request. A time that no rate explains is left out, until a look
+    // at the reference has shown that the reference was not reset (`trusts_next`): a slave that was reset answers with
+    // a time of its own.
     void note_seen_time(std::uint64_t time_ns, bool wide, Time now) {
         if (now <= system_at) return;
         constexpr std::int64_t kNearest_ns = 100'000;
-        constexpr std::int64_t kRateParts = 500;  // 2000 ppm
-        constexpr std::uint8_t kEnough = 20;
-        const std::uint64_t about = system_at_ns(now);
-        const std::uint64_t seen = wide ? time_ns : extend_time_ns(static_cast<std::uint32_t>(time_ns), about);
-        const std::int64_t limit = kNearest_ns + (now - system_at).count() / kRateParts;
-        const auto ahead = static_cast<std::int64_t>(seen - about);
-        odd_times = ahead <= limit && ahead >= -limit ? std::uint8_t{0} : static_cast<std::uint8_t>(odd_times + 1);
-        if (odd_times == 0 || odd_times >= kEnough) note_time(time_ns, wide, now);
-        if (odd_times >= kEnough) odd_times = 0;
+        const std::int64_t limit = kNearest_ns + drift_since_ns(now);
+        const std::int64_t ahead = ahead_of_expected_ns(time_ns, wide, now);
+        const bool odd = !trusts_next && (ahead > limit || ahead < -limit);
+        odd_times =
+            odd ? static_cast<std::uint8_t>(odd_times == UINT8_MAX ? odd_times : odd_times + 1) : std::uint8_t{0};
+        if (odd) return;
+        trusts_next = false;
+        note_time(time_ns, wide, now);
     }
+    static constexpr std::uint8_t kManyOdd = 20;
     [[nodiscard]] ClockEntry& of(const Slave& slave) { return entries[slave.number - 1U]; }
     void lose_sync(const Slave& slave) {
         if (entries.empty()) return;
@@ -227,8 +247,11 @@ void take_own_rate(Network& network, const Slave& reference);
 [[nodiscard]] bool is_reference_silent(Network& network);
 // When a datagram that is queued now leaves: in a running cycle, with the next cycle.
 [[nodiscard]] Time leaves_at(Network& network);
-// Sends the time of the reference clock to all slaves once, in a frame of its own.
+// Sends the time of the reference clock to all slaves once, in a frame of its own. unstable: the reference was reset,
+// and shows a time of its own, which must reach no clock.
 [[nodiscard]] Task<Result<>> send_time(Network& network);
+// unstable if the offset that was written to the reference is gone: the reference was reset.
+[[nodiscard]] Task<Result<>> check_offset(Network& network);
 // An upper estimate of the differences of all clocks that are synchronised, by one broadcast. A clock that is not
 // synchronised would hide these differences: where there is such a clock, the difference of each clock is read.
 [[nodiscard]] Task<Result<std::uint32_t>> read_greatest_difference(Network& network);

@@ -183,14 +183,17 @@ Task<Result<std::uint32_t>> RingWatch::teach_once(Network& network) {
     unsigned times_short = 0;
     bool same = true;
     for (std::uint16_t n = 0; n < clocks.settings.burst_frames && network.engine.now() < give_up && same; ++n) {
-        co_await required(send_time(network));
+        const auto sent = co_await send_time(network);
         times_short = !was_short && falls_short(network) ? times_short + 1 : 0;
-        same = !find_old_delays(network) && !clocks.paused && times_short < kEnough;
+        same = sent.ok() && !find_old_delays(network) && !clocks.paused && times_short < kEnough;
     }
     std::int64_t greatest = 0;
     // A clock whose rate is still wrong shows the right time at single moments, so it is compared several times.
     for (unsigned looks = 0; looks < 8 && same; ++looks) {
-        for (unsigned times = 0; times < 4; ++times) co_await required(send_time(network));
+        for (unsigned times = 0; times < 4 && same; ++times) {
+            const auto sent = co_await send_time(network);
+            same = sent.ok();
+        }
         for (Slave& slave : network.slaves()) {
             const ClockEntry& clock = clocks.of(slave);
             if (!clock.synchronised || !clock.beside || slave.al.state == AlState::none) continue;

@@ -97,6 +97,8 @@ Task<Result<bool>> RingWatch::prepare_second(Network& network, Slave& slave) {
     const auto depth = co_await required(read<std::uint8_t>(network.station(slave), filter, Step::configure_clocks));
     co_await required(write_clock_register(network.station(slave), filter, depth));
     const auto ahead = co_await required(measure_ahead(network, slave, present));
+    // The other clock has lost its power meanwhile.
+    if (std::abs(ahead) > kNear_ns) co_return false;
     co_await required(move_clock(network, slave, -ahead));
     network.clocks.of(slave).knows_rate = true;
     co_return true;
