@@ -42,7 +42,7 @@ Result<> init_redundant(Context& ctx, Nic& nic, Nic& second, Osal& osal, const F
     if (master_of(ctx) != nullptr) return Error{.code = Errc::wrong_state, .step = Step::open_nic};
     const Limits& limits = ctx.limits();
     const std::size_t own = std::size_t{limits.frames} + limits.process_frames;
-    const std::size_t pairs = own + limits.process_frames;
+    const std::size_t pairs = own + limits.process_frames + 1U;  // the receiving thread may hold one of the last ones
     if (!limits.redundancy) return Error{.code = Errc::capacity, .step = Step::open_nic, .detail = Error::kRedundancy};
     const auto memory = memory_of(ctx);
     if (!memory) return memory.error();

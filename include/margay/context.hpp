@@ -45,7 +45,7 @@ struct Master;
     constexpr std::size_t kCablesBytes = kWide ? 1248 : 1200;  // the merging of two cables
     constexpr std::size_t kPairBytes = 3088;                   // a frame on both cables
     constexpr std::size_t kBlockBytes = 64;                    // of the arena; one more octet manages it
-    const std::uint64_t pairs = limits.redundancy ? limits.frames + 2U * limits.process_frames : 0;
+    const std::uint64_t pairs = limits.redundancy ? limits.frames + 2U * limits.process_frames + 1U : 0;
     const std::uint64_t cables = limits.redundancy ? kCablesBytes + pairs * kPairBytes : 0;
     const std::uint64_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
     const std::uint64_t place = kRingBytes + (limits.clocks ? kDelayBytes : 0);

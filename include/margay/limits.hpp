@@ -37,7 +37,7 @@ struct Limits {
     // False: no memory for distributed clocks (216 octets for each slave); configdc() fails with Errc::capacity.
     bool clocks = true;
     // True: memory for init_redundant(), which needs it: 3088 octets for each of `frames`, and for each of
-    // `process_frames` twice.
+    // `process_frames` twice, and one more.
     bool redundancy = false;
 };
 

@@ -104,16 +104,6 @@ bool Redundancy::hold(FramePair& pair, FramePair::State from) noexcept {
     return pair.state.compare_exchange_strong(expected, FramePair::held, std::memory_order_acquire, kRelaxed);
 }
 
-// The next pair in turn that is not in use; send() opens it. The frame of a pair that is still open then was lost.
-FramePair* Redundancy::free_pair(std::span<FramePair> pairs, std::size_t& next) noexcept {
-    for (std::size_t tries = 0; tries < pairs.size(); ++tries) {
-        FramePair& pair = pairs[next];
-        next = next + 1 == pairs.size() ? 0 : next + 1;
-        if (hold(pair, FramePair::unused) || hold(pair)) return &pair;
-    }
-    return nullptr;
-}
-
 FramePair* Redundancy::open(std::uint8_t index) noexcept {
     constexpr std::uint8_t kFirstOverlapped = 128;  // see FrameTable::split()
     const bool overlapped = split_ && index >= kFirstOverlapped;

@@ -13,8 +13,8 @@ SendStatus Redundancy::send_probe(unsigned nic) noexcept {
     constexpr std::size_t kShortest = 60;
     std::array<std::byte, kShortest> probe{};
     wire::FrameBuilder builder(probe, source_[nic]);
-    // Each probe has another index, so that a recording shows which of the probes came back.
-    const auto index = static_cast<std::uint8_t>(counters_[nic].sent.load(std::memory_order_relaxed));
+    // Each probe of both NICs has another index, so that a recording shows which of the probes came back.
+    const auto index = static_cast<std::uint8_t>(counters_[nic].sent.load(std::memory_order_relaxed) << 1U | nic);
     (void)builder.append(wire::Command::NOP, index, kProbe, 2);
     (void)builder.finish();
     const SendStatus status = nics_[nic]->send(probe);
