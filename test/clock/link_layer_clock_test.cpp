@@ -257,7 +257,9 @@ TEST_P(LinkLayerClockIn, EachOrderOfCallsTheJitterOfTheHostMovesNothing) {
             Duration earlier{};
             for (const char* call = GetParam().calls; *call != '\0'; ++call) {
                 if (*call == 'R') (void)receive_processdata(*ctx, reply_timeout);
-                if (*call == 'S') ASSERT_TRUE(send_processdata(*ctx).ok());
+                if (*call == 'S') {
+                    ASSERT_TRUE(send_processdata(*ctx).ok());
+                }
                 if (*call == 'U') earlier = clock.update(*ctx, 0us);
                 if (*call == 'P') (void)poll(*ctx, osal.now());
             }

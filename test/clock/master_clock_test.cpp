@@ -379,8 +379,8 @@ TEST_F(MasterClockTest, WrongSettingsAreSaid) {
     EXPECT_EQ(right.state(), PhaseState::idle);
 }
 
-// No frame comes back for 2 s, so the phase is unknown. The cycle keeps the drift that it has learned; a reference clock
-// whose offset nobody writes loses it: 50 ns in each cycle.
+// No frame comes back for 2 s, so the phase is unknown. The cycle keeps the drift that it has learned. A reference
+// clock whose offset nobody writes loses this drift: 50 ns in each cycle.
 TEST_F(MasterClockTest, WithoutATimeTheStateIsNotInSync) {
     bring_up(50'000);
     for (const auto mode : {MasterClock::Mode::master_shift, MasterClock::Mode::bus_shift}) {
