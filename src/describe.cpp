@@ -353,12 +353,11 @@ void write_cause(TextWriter& out, const Error& e) {
             if (e.code == Errc::working_counter) write_silence(out, e);
             if (e.code == Errc::unstable && e.step == Step::configure_clocks)
                 out << (e.detail == Error::kRedundancy ? " (the measurement of the delays took too long)"
-                        : e.slave == 0 && e.actual < e.expected
-                            ? " (fewer slaves than are there have latched the receive times)"
-                        : e.slave == 0
-                            ? " (more slaves answer than were found: search again)"
-                            : " (it was lost, or came back, during the measurement, or its receive times make "
-                              "no sense)");
+                        : e.slave != 0
+                            ? " (it was lost, or came back, during the measurement, or its receive times make "
+                              "no sense)"
+                        : e.actual < e.expected ? ""
+                                                : " (more slaves answer than were found: search again)");
             if (e.code == Errc::unstable && e.step == Step::topology)
                 out << ": its open ports do not fit the slaves that were found, or frames enter a slave at a port "
                        "other than 0";
