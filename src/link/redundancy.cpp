@@ -104,6 +104,14 @@ bool Redundancy::hold(FramePair& pair, FramePair::State from) noexcept {
     return pair.state.compare_exchange_strong(expected, FramePair::held, std::memory_order_acquire, kRelaxed);
 }
 
+// The next pair in turn that is not in use; send() opens it.
+FramePair* Redundancy::free_pair(std::span<FramePair> pairs, std::size_t& next) noexcept {
+    FramePair& pair = pairs[next];
+    if (!hold(pair, FramePair::unused)) return find_pair(pairs, next);
+    next = next + 1 == pairs.size() ? 0 : next + 1;
+    return &pair;
+}
+
 FramePair* Redundancy::open(std::uint8_t index) noexcept {
     constexpr std::uint8_t kFirstOverlapped = 128;  // see FrameTable::split()
     const bool overlapped = split_ && index >= kFirstOverlapped;

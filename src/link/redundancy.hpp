@@ -185,6 +185,7 @@ class Redundancy final : public Nic, public Cables {
     [[nodiscard]] static bool hold(FramePair& pair, FramePair::State from = FramePair::open) noexcept;
     [[nodiscard]] FramePair* open(std::uint8_t index) noexcept;
     [[nodiscard]] FramePair* free_pair(std::span<FramePair> pairs, std::size_t& next) noexcept;
+    [[nodiscard]] FramePair* find_pair(std::span<FramePair> pairs, std::size_t& next) noexcept;
     [[nodiscard]] bool reaches_nothing(unsigned nic) const noexcept;
     [[nodiscard]] SendStatus send_by(unsigned nic, FramePair& pair, Bytes frame) noexcept;
     [[nodiscard]] unsigned sender_of(Bytes frame) const noexcept;

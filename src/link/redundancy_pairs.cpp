@@ -3,10 +3,10 @@
 
 namespace margay {
 
-// The next pair in turn that is not in use; send() opens it. Where there is none, the frame of the next open pair was
+// The pair in turn is in use: the next one that is not in use. Where there is none, the frame of the next open pair was
 // lost. The receiving thread holds a pair for a moment while it looks at a copy, and the pair may be unused after that.
 // So an open pair is taken only if all pairs were open.
-FramePair* Redundancy::free_pair(std::span<FramePair> pairs, std::size_t& next) noexcept {
+FramePair* Redundancy::find_pair(std::span<FramePair> pairs, std::size_t& next) noexcept {
     constexpr unsigned kMostLooks = 100;  // the system may have interrupted the receiving thread
     const auto turn = [&]() -> FramePair& {
         FramePair& pair = pairs[next];
