@@ -34,8 +34,9 @@ struct CycleStamps {
 // no clocks, when the group or the frame does not exist, when cycles of the group overlap
 // (GroupConfiguration::cycles_in_flight), or when the calling thread does not own the context. In a ring with two NICs
 // the function finds only the copy that the first NIC has sent; `nic` may have `sent` of one NIC and `received` of the
-// other. Callable from the cycle; never waits. It costs one system call with PacketNic, and none with a NIC without
-// clocks.
+// other. A time that contradicts the other one is of an earlier frame with the same index, and is left out; without
+// `sent`, this cannot be seen. Callable from the cycle; never waits. It costs one system call with PacketNic, and none
+// with a NIC without clocks.
 [[nodiscard]] CycleStamps cycle_stamps(Context& ctx, const FrameTiming& nic, std::size_t frame = 0,
                                        std::uint8_t group = 0);
 

@@ -27,7 +27,10 @@ SendStatus SimulatedNic::send(std::span<const std::byte> frame) noexcept {
     const Time now = osal_.now();
     transmit_due(now);
     if (full() || (other_ != nullptr && other_->full())) return SendStatus::busy;
-    if (!segment_.master_link(options_.master_port)) return SendStatus::failed;
+    if (!segment_.master_link(options_.master_port)) {
+        if (options_.time_stamps) send_times_.add(frame, std::nullopt);
+        return SendStatus::failed;
+    }
     if (send_time_ > now && options_.timed_frames != 0)
         return timed_.put(send_time_, frame) ? SendStatus::sent : SendStatus::busy;
     if (send_time_ != now && send_time_ != kAtOnce) ++missed_;

@@ -22,6 +22,15 @@ std::optional<std::uint64_t> received_at(ReceiveClock& clock, Head head) {
     return clock.receive_time_ns(head);
 }
 
+// The index of a frame returns after 256 frames. A NIC whose cable is out, or that has lost the time of this frame,
+// then shows the time of an earlier frame. `passed`: since the frame was sent.
+void drop_old_time(CycleStamps& stamps, Duration passed) {
+    constexpr Duration kInaccuracy = std::chrono::milliseconds(1);
+    const auto trip = stamps.round_trip();
+    if (trip && *trip < -kInaccuracy) stamps.received_ns = std::nullopt;
+    if (trip && *trip > passed + passed / 500 + kInaccuracy) stamps.sent_ns = std::nullopt;
+}
+
 }  // namespace
 
 Result<> send_processdata_at(Context& ctx, TimedSend& nic, Time at, std::uint8_t group) {
@@ -47,6 +56,7 @@ CycleStamps cycle_stamps(Context& ctx, const FrameTiming& nic, std::size_t frame
     CycleStamps stamps;
     if (nic.sent != nullptr) stamps.sent_ns = nic.sent->send_time_ns(head);
     if (nic.received != nullptr) stamps.received_ns = received_at(*nic.received, head);
+    drop_old_time(stamps, master->osal.now() - asked.pace.last);
     return stamps;
 }
 
