@@ -149,8 +149,9 @@ SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexc
     add(status == SendStatus::sent ? counters_[nic].sent : counters_[nic].refused);
     busy_[nic].store(status == SendStatus::busy, kRelaxed);
     if (status != SendStatus::busy) refused_[nic].store(status == SendStatus::failed, kRelaxed);
-    if (status != SendStatus::sent)
-        pair.sent.fetch_and(static_cast<std::uint8_t>(~bit(nic)), std::memory_order_release);
+    // A copy that a NIC does not accept for once is as a lost one: the slaves of its part have not answered.
+    const bool no_loss = status == SendStatus::failed || (status == SendStatus::busy && by_head_.load(kRelaxed));
+    if (no_loss) pair.sent.fetch_and(static_cast<std::uint8_t>(~bit(nic)), std::memory_order_release);
     return status;
 }
 

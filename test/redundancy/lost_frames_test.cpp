@@ -43,6 +43,41 @@ struct Sound {
     }
 };
 
+// Does not accept some of its frames.
+struct BusyNic final : ForwardingNic {
+    unsigned each = 0;  // one of so many; 0: none
+    unsigned count = 0;
+
+    using ForwardingNic::ForwardingNic;
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        return each != 0 && ++count % each == 0 ? SendStatus::busy : nic_.send(frame);
+    }
+};
+
+TEST(RingLostFrames, ACopyThatIsNotAcceptedForOnceLosesNoSlave) {
+    for (const unsigned which : {0U, 1U})
+        for (const unsigned each : {23U, 97U}) {
+            SCOPED_TRACE("NIC " + std::to_string(which) + ", one frame of " + std::to_string(each));
+            RingBus bus;
+            bus.build_line(8);
+            bus.plug();
+            BusyNic busy(*bus.nics[which]);
+            bus.ctx = std::make_unique<HostContext>(RingBus::limits());
+            Nic& first = which == 0 ? static_cast<Nic&>(busy) : *bus.nics[0];
+            Nic& second = which == 1 ? static_cast<Nic&>(busy) : *bus.nics[1];
+            ASSERT_TRUE(init_redundant(*bus.ctx, first, second, bus.osal).ok());
+            ASSERT_TRUE(config_init(*bus.ctx).ok());
+            bus.run();
+            bus.cable(bus.ring_cables[4], false);
+            (void)bus.stale_cycles(50);
+            (void)bus.events();
+            Sound sound(bus);
+            busy.each = each;
+            sound.cycles(5000);
+            sound.expect_no_harm();
+        }
+}
+
 TEST(RingLostFrames, NoSoundSlaveMissesItsOutputs) {
     for (std::uint64_t seed = 1; seed <= 4; ++seed)
         for (const std::size_t broken : {1U, 7U, 13U}) {
