@@ -242,6 +242,7 @@ class Motion {
     }
 
     void note(const CycleInfo& cycle) {
+        ++cycles_;
         if (cycle.error.code != Errc::none) ++wrong_cycles_;
         const ClockRecord& record = clock_->record();
         if (!options_.log.empty()) {
@@ -279,6 +280,7 @@ class Motion {
         if (const auto frames = missed() - missed_before_; frames != 0) warn(samples::missed_text(frames));
         if (const int failed = write_files(); failed != 0) return failed;
         if (!fault_.empty()) return samples::fail(fault_);
+        if (wrong_cycles_ > cycles_ / 100) return samples::fail("more than one cycle of a hundred was wrong");
         return stop_asked() ? samples::exit_code::kSegment : samples::exit_code::kWell;
     }
 
@@ -328,6 +330,7 @@ class Motion {
     SuperviseRequest supervise_;
     Phase phase_ = Phase::settling;
     unsigned in_phase_ = 0;
+    unsigned cycles_ = 0;
     unsigned wrong_cycles_ = 0;
     samples::WireFigures wire_{};  // while the drives move
     samples::WireWatch watch_{};
@@ -371,6 +374,8 @@ int main(int argc, char** argv) {
     return arguments.run(argc, argv, [&] {
         if (const auto wrong = refusal(options.times, options.period_us); !wrong.empty())
             return samples::fail(wrong, samples::exit_code::kUsage);
+        if (samples::is_same_file(options.log, options.svg))
+            return samples::fail("--log and --svg name the same file", samples::exit_code::kUsage);
         options.source.options.times = wanted_times(options.times);
         return run_on_source(options.source, [&](samples::Source& source) { return run(source, options); });
     });

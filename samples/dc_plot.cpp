@@ -2,6 +2,7 @@
 #include "common/arguments.hpp"
 #include "common/clock_log_file.hpp"
 #include "common/counted.hpp"
+#include "common/new_file.hpp"
 #include "common/program.hpp"
 
 #include <margay/files/text_place.hpp>
@@ -26,6 +27,8 @@ double greatest(const std::vector<double>& values) {
 }
 
 int run(const Options& options) {
+    if (samples::is_same_file(options.log, options.svg))
+        return samples::fail("--svg would replace the log", samples::exit_code::kUsage);
     const auto file = files::read_file(options.log);
     if (!file.error.empty()) return samples::fail(file.error, samples::exit_code::kSystem);
     const auto log = samples::parse_clock_log(file.octets);

@@ -79,8 +79,9 @@ class CyclicRunner {
     // Sets the first deadline, half a period to one and a half periods from now.
     void start() noexcept;
 
-    // Sleeps until the next deadline; returns at once when it has passed, and when OverrunPolicy::stop has ended the
-    // task (CyclicTick::stopped), or an option is wrong. One system call, none when late.
+    // Call start() before. Sleeps until the next deadline; returns at once when it has passed, and when
+    // OverrunPolicy::stop has ended the task (CyclicTick::stopped), or an option is wrong. One system call, none when
+    // late.
     CyclicTick wait() noexcept;
 
     // Moves the next deadline and all after it, later or (negative) earlier: for a cycle that follows the reference

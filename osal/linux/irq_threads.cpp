@@ -155,6 +155,7 @@ bool is_above(const IrqThread& thread, int cycle_priority) noexcept {
 }
 
 std::string_view describe(const IrqThread& thread, int cycle_priority, std::span<char> memory) noexcept {
+    constexpr int kHighest = 99;  // of SCHED_FIFO
     TextWriter text(memory);
     const auto number = [](int value) { return static_cast<std::uint64_t>(std::max(value, 0)); };
     text << thread.name.data() << " (thread " << number(thread.id) << ") has the priority " << number(thread.priority);
@@ -162,8 +163,11 @@ std::string_view describe(const IrqThread& thread, int cycle_priority, std::span
         text << ", above that of the cycle";
     } else {
         text << ", not above that of the cycle (" << number(cycle_priority)
-             << "): replies wait while a thread of that priority uses its processor; mend it with: chrt -f -p "
-             << number(std::min(cycle_priority + 1, 99)) << " " << number(thread.id);
+             << "): replies wait while a thread of that priority uses its processor; ";
+        if (cycle_priority >= kHighest)
+            text << "give the cycle a lower priority: no thread can be above " << number(kHighest);
+        else
+            text << "mend it with: chrt -f -p " << number(cycle_priority + 1) << " " << number(thread.id);
     }
     return text.text();
 }

@@ -105,6 +105,10 @@ ClockLog parse_clock_log(std::string_view text) {
     for (std::size_t line = 2; !text.empty(); ++line) {
         const auto cells = cells_of(next_log_line(text));
         if (cells.size() == 1 && cells[0].empty()) continue;
+        if (cells.size() > head.size()) {  // such as decimal commas
+            log.fault = fmt::format("line {} has {} cells, and the first line {}", line, cells.size(), head.size());
+            return log;
+        }
         for (const Wanted& wanted : columns) {
             const auto value = wanted.at < cells.size() ? number_of(cells[wanted.at]) : std::nullopt;
             if (!value) {

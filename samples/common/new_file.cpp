@@ -96,4 +96,12 @@ std::string NewFile::commit() {
     return {};
 }
 
+bool is_same_file(const std::string& one, const std::string& other) {
+    std::error_code none;
+    const auto whole = [&none](const std::string& name) {
+        return std::filesystem::weakly_canonical(std::filesystem::absolute(name, none), none);
+    };
+    return !one.empty() && !other.empty() && whole(one) == whole(other);
+}
+
 }  // namespace margay::samples

@@ -44,4 +44,7 @@ class NewFile {
     bool begun_ = false;
 };
 
+// Whether both names are of the same file, which may not exist yet.
+[[nodiscard]] bool is_same_file(const std::string& one, const std::string& other);
+
 }  // namespace margay::samples

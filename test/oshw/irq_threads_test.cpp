@@ -250,6 +250,9 @@ TEST_F(IrqThreadsTest, AreDescribedAgainstThePriorityOfTheCycle) {
     EXPECT_EQ(std::string(describe(thread, 80, text)),
               "irq/24-eth0 (thread 50) has the priority 50, not above that of the cycle (80): replies wait while a "
               "thread of that priority uses its processor; mend it with: chrt -f -p 81 50");
+    EXPECT_EQ(std::string(describe(thread, 99, text)),
+              "irq/24-eth0 (thread 50) has the priority 50, not above that of the cycle (99): replies wait while a "
+              "thread of that priority uses its processor; give the cycle a lower priority: no thread can be above 99");
     thread.policy = SCHED_OTHER;
     EXPECT_FALSE(is_above(thread, 0)) << "without a real-time policy";
 }

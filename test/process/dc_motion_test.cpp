@@ -65,8 +65,20 @@ TEST(DcMotion, SaysWhenThereIsNoDrive) {
     EXPECT_TRUE(contains(ran.err, "there is no CiA 402 drive with CoE")) << ran.err;
 }
 
+// The replies of the simulated segment come after half of this period.
+TEST(DcMotion, FailsWhenMostCyclesAreWrong) {
+    const ShellFolder folder;
+    const auto ran = folder.run(kBin + "dc_motion sim:drives --period 260 --sines 1");
+    EXPECT_EQ(ran.status, 1);
+    EXPECT_TRUE(contains(ran.err, "more than one cycle of a hundred was wrong")) << ran.err;
+    EXPECT_EQ(folder.run(kBin + "dc_motion sim:drives --log a --svg ./a").status, 2);
+}
+
 TEST(DcPlot, SaysWhatIsWrong) {
     const ShellFolder folder;
+    const auto same = folder.run("echo a,b >same.csv; " + kBin + "dc_plot same.csv --svg ./same.csv; cat same.csv");
+    EXPECT_EQ(same.err, "dc_plot: --svg would replace the log\n");
+    EXPECT_EQ(same.out, "a,b\n");
     EXPECT_EQ(folder.run(kBin + "dc_plot nothing.csv").status, 3);
     const auto ran = folder.run("echo a,b >odd.csv; " + kBin + "dc_plot odd.csv");
     EXPECT_EQ(ran.status, 3);

@@ -62,6 +62,7 @@ TEST(ClockLogFile, SaysWhyATextIsNoLog) {
     const std::string head = "Time;BusTimeOff;Drift;CtlErr;SystemTimeDifference\n";
     EXPECT_EQ(parse_clock_log(head + "1;2;3;nan;5\n").fault, "line 2: CtlErr is no number");
     EXPECT_EQ(parse_clock_log(head + "1;2;inf;4;5\n").fault, "line 2: Drift is no number");
+    EXPECT_EQ(parse_clock_log(head + "0,305;2;3;4;5\n").fault, "line 2 has 6 cells, and the first line 5");
     EXPECT_EQ(parse_clock_log(head + "2;2;3;4;5\n1;2;3;4;5\n").fault,
               "line 3: the time is before that of the line before");
     EXPECT_FALSE(parse_clock_log(head + "1;2;3;4;5\n").tells_sync);
