@@ -8,9 +8,10 @@
 // from the slaves at its end; the two replies are merged datagram by datagram, and their working counters are added. So
 // no cycle lacks fresh inputs, except cycles whose frames were on the broken cable. While a slave is missing or
 // exchanges no process data (its target is below SAFEOP, or BOOT), a break or a repair may cost up to five cycles, more
-// with overlapping cycles: working counters that are equal by coincidence are not believed (margay.hpp). A whole ring
-// needs the frame of the NIC at the beginning: if this NIC does not accept it for once (busy), no slave processes the
-// frame of the other NIC, and the cycle is lost as with one NIC.
+// with overlapping cycles: working counters that are equal by coincidence are not believed (margay.hpp). It costs up to
+// 20 cycles while the library compares the identities of slaves that come back together, and one of them does not
+// answer. A whole ring needs the frame of the NIC at the beginning: if this NIC does not accept it for once (busy), no
+// slave processes the frame of the other NIC, and the cycle is lost as with one NIC.
 //
 // Frames pass the ports of a slave in the order 0, 3, 1, 2. A branch at a port that frames pass before the port of the
 // next ring slave is numbered as without redundancy. Other branches are numbered after all ring slaves. While the ring

@@ -24,6 +24,7 @@ void MasterClock::restart() {
     controller_.start(phase);
     record_ = {.set_value_ns = settings_.set_value.count(), .cycle_ns = phase.cycle.count()};
     fault_ = is_in_cycle(settings_.set_value, phase.cycle) ? PhaseState::idle : PhaseState::set_value_wrong;
+    record_.state = state();
     was_in_sync_ = false;
     length_.reset();
     filtered_ps_ = 0;

@@ -237,12 +237,14 @@ unsigned Redundancy::sender_of(Bytes frame) const noexcept {
 }
 
 // Whether the copy of `nic` is awaited after the other copy has come. It is not awaited while the library may have
-// closed a port, or while no copy of `nic` comes back, unless the other copy has crossed: then the ring is whole.
+// closed a port, or while no copy of `nic` comes back. But if the other copy has crossed the ring, which was not whole
+// before, the cable of `nic` was repaired perhaps.
 bool Redundancy::awaits(const FramePair& pair, unsigned nic) const noexcept {
     const bool closed = opening_.load(kRelaxed) == Opening::closed && nic != pair.head;
     if (closed && (pair.crossed & bit(pair.head)) == 0) return false;
+    const bool is_whole_now = (pair.crossed & bit(1 - nic)) != 0;
     return (pair.sent.load(std::memory_order_acquire) & bit(nic)) != 0 && (pair.came & bit(nic)) == 0 &&
-           (!is_silent(nic) || (pair.crossed & bit(1 - nic)) != 0);
+           (!is_silent(nic) || (is_whole_now && ring_ != RingState::whole) || (pair.idle & bit(1 - nic)) != 0);
 }
 
 std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {

@@ -369,6 +369,7 @@ TEST_F(MasterClockTest, WrongSettingsAreSaid) {
     EXPECT_EQ(MasterClock({.phase = {.cycle = Duration::min()}}).state(), PhaseState::set_value_wrong);
     run_cycles(far, 3);
     EXPECT_EQ(far.state(), PhaseState::set_value_wrong);
+    EXPECT_EQ(far.record().state, PhaseState::set_value_wrong) << "for the log";
     MasterClock other({.mode = MasterClock::Mode::off, .phase = {.cycle = 800us}});
     run_cycles(other, 30);
     EXPECT_EQ(to_text(other.state()), "the cycle is not that of the settings");

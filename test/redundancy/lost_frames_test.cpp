@@ -178,6 +178,48 @@ TEST(RingLostFrames, ANicThatIsSilentIsFound) {
         }
 }
 
+// Accepts all frames, and sends none of them: one direction of its cable is broken.
+struct MuteNic final : ForwardingNic {
+    bool mute = false;
+
+    using ForwardingNic::ForwardingNic;
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        return mute ? SendStatus::sent : nic_.send(frame);
+    }
+};
+
+// The copies of the first NIC cross the ring and come back at the second one. A branch that only the copies of the
+// second NIC reach is lost.
+TEST(RingLostFrames, ANicThatSendsNothingCostsOnlyItsBranches) {
+    for (const bool branch : {false, true}) {
+        SCOPED_TRACE(branch);
+        RingBus bus;
+        bus.build_line(6);
+        if (branch) (void)bus.add_behind(2, 2);
+        bus.plug();
+        MuteNic second(*bus.nics[1]);
+        bus.ctx = std::make_unique<HostContext>(RingBus::limits());
+        ASSERT_TRUE(init_redundant(*bus.ctx, *bus.nics[0], second, bus.osal).ok());
+        ASSERT_TRUE(config_init(*bus.ctx).ok());
+        bus.run();
+        second.mute = true;
+        unsigned stale = 0;
+        for (unsigned n = 0; n < 300; ++n) {
+            (void)bus.cycle();
+            for (std::uint16_t slave = 1; slave <= 6; ++slave)
+                if (!inputs_fresh(*bus.ctx, slave)) {
+                    ++stale;
+                    break;
+                }
+        }
+        EXPECT_LE(stale, branch ? 20U : 0U);
+        EXPECT_TRUE(!branch || bus.ctx->slave(7).al.state == AlState::none);
+        second.mute = false;
+        EXPECT_TRUE(bus.until_all_in_op()) << bus.joined(bus.events());
+        EXPECT_EQ(bus.stale_cycles(20), 0U);
+    }
+}
+
 // A branch is reached only by the copies of the second NIC. When its cable breaks between both copies of a frame, this
 // NIC does not send its copy, and the other copy crosses the ring without the branch. No slave is lost.
 TEST(RingLostFrames, ASlaveThatOnlyTheUnsentCopyReachesIsNotLost) {
