@@ -94,7 +94,8 @@
 // When a frame of one NIC is lost and the frame of the other NIC comes back, the NIC of the lost frame sends six frames
 // with a NOP behind its next frame. If none of these frames comes back, the cable of this NIC is broken, although the
 // NIC may report a link. Then the library waits for no frame of this NIC until a frame of this NIC has come back. So a
-// single lost frame costs only its own cycle, and the library regards no slave as lost because of it.
+// single lost frame costs only its own cycle (more while a slave is missing or exchanges no process data, see
+// receive_processdata()), and the library regards no slave as lost because of it.
 #pragma once
 
 #include <margay/context.hpp>

@@ -454,6 +454,11 @@ void Redundancy::give_up(std::uint8_t index) noexcept {
         add(counters_[nic].lost);
         const bool other_came = (pair->came & bit(1 - nic)) != 0;
         if (other_came) note_miss(*pair, nic);
+        // The cable of the other NIC was repaired, and this NIC still sends nothing: its copies are not awaited any
+        // more.
+        constexpr unsigned kMissesUntilWhole = 2 * kMissesUntilSilent;
+        const unsigned crossing = pair->crossed & static_cast<unsigned>(~pair->idle) & bit(1 - nic);
+        if (crossing != 0 && missed_[nic] >= kMissesUntilWhole) note_ring(*pair, crossing);
     }
     pair->state.store(FramePair::unused, std::memory_order_release);
 }

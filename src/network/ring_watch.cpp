@@ -155,6 +155,7 @@ void RingWatch::find_first_behind(Network& network, std::size_t front, std::size
     first_behind_ = 0;
     front_of_break_ = static_cast<std::uint16_t>(front);
     if (!read.two_nics || ring.size() != front + behind) return;
+    if (read.whole && read.front > ring.size()) return;  // the places are being read again
     if (!read.whole) {
         const auto is_first = [](const RingPlace& place) { return place.behind_break && place.parent == 0; };
         const auto first = std::ranges::find_if(ring, is_first);

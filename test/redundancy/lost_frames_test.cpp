@@ -214,6 +214,17 @@ TEST(RingLostFrames, ANicThatSendsNothingCostsOnlyItsBranches) {
         }
         EXPECT_LE(stale, branch ? 20U : 0U);
         EXPECT_TRUE(!branch || bus.ctx->slave(7).al.state == AlState::none);
+        // The other direction breaks too, and this one alone is repaired.
+        bus.nics[1]->deaf = true;
+        for (unsigned n = 0; n < 100; ++n) (void)bus.cycle();
+        bus.nics[1]->deaf = false;
+        for (unsigned n = 0; n < 100; ++n) (void)bus.cycle();
+        stale = 0;
+        for (unsigned n = 0; n < 100; ++n) {
+            (void)bus.cycle();
+            for (std::uint16_t slave = 1; slave <= 6; ++slave) stale += inputs_fresh(*bus.ctx, slave) ? 0 : 1;
+        }
+        EXPECT_EQ(stale, 0U);
         second.mute = false;
         EXPECT_TRUE(bus.until_all_in_op()) << bus.joined(bus.events());
         EXPECT_EQ(bus.stale_cycles(20), 0U);
