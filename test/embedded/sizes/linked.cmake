@@ -48,5 +48,6 @@ nowhere(
   aoe aoe_listener clock_delays clock_kind clock_sync clock_watch clocks coe_mail_pdo coe_stream datagram describe_event entry
   entry_names external_clock foe foe_transfer frame_times hooked hooked_file hooked_mail latches link_layer_clock listen mail_pdo
   mailbox_places master_clock phase_controller raw_mail redundancy redundancy_merge redundancy_opening
-  redundancy_probe redundancy_time reference_clock registers replan ring_clocks ring_rates ring_watch ring_ways
-  sdo_stream sii sii_write soe_listener startup_aoe startup_eoe startup_soe voe voe_inbox)
+  redundancy_pairs redundancy_probe redundancy_status redundancy_time reference_clock registers replan ring_clocks ring_rates
+  ring_watch ring_ways
+  sdo_stream sii sii_write soe_listener startup_aoe startup_eoe startup_soe sync_signals voe voe_inbox)
