@@ -136,8 +136,9 @@ struct ClockStatus {
     // Less than twice the greatest difference of any of these clocks (ESC registers 0x092C, OR), or the difference of
     // both references of a ring with two NICs.
     std::uint32_t greatest_ns = 0;
-    // The system time at the moment of the call: the time of the reference clock that was read last, continued by the
-    // master's clock. All 64 bits, also where the reference clock has 32.
+    // The system time at the moment of the call: the time of the reference clock that the supervision has read last,
+    // continued by the master's clock. With cycles of 10 ms and more, this may be half a second ago. All 64 bits, also
+    // where the reference clock has 32.
     std::uint64_t system_time_ns = 0;
 };
 
@@ -176,11 +177,12 @@ struct SyncRequest : SlaveRequest {
 // Activates SYNC0 (dcsync01(): SYNC0 and SYNC1) of one slave with this cycle, or switches the signals off. The first
 // SYNC0 occurs at least ClockSettings::start_delay later, at a whole multiple of the grid plus `shift`, which may be
 // negative. A cycle of 0: one pulse only. The setting replaces SlaveSetup::dc until the next config_init(); it is used
-// again when the slave starts again. Both functions wait. Errors: wrong_state (configdc() was not called), no_clock,
-// clock_not_reached (the clock is before a chosen reference clock, or the slave with the reference clock is lost;
-// expected: the slave with the reference clock), unknown_slave, invalid_argument (a cycle that is negative, does not
-// fit 32 bits, does not fit ClockSettings::start_grid or is not longer than the pulse, SlaveClock::pulse_ns; a start
-// that has passed, or is over 4.29 s ahead of a clock of 32 bits), working_counter, no_frame.
+// again when the slave starts again. Both functions wait. If the setting is refused before a register is written, the
+// active signals continue. Errors: wrong_state (configdc() was not called), no_clock, clock_not_reached (the clock is
+// before a chosen reference clock, or the slave with the reference clock is lost; expected: the slave with the
+// reference clock), unknown_slave, invalid_argument (a cycle that is negative, does not fit 32 bits, does not fit
+// ClockSettings::start_grid or is not longer than the pulse, SlaveClock::pulse_ns; a start that has passed, or is over
+// 4.29 s ahead of a clock of 32 bits), working_counter, no_frame.
 Result<> dcsync0(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration shift = Duration{0});
 Result<> dcsync01(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration cycle1,
                   Duration shift = Duration{0});

@@ -53,7 +53,8 @@ class ExternalClock : public CycleClock {
     [[nodiscard]] Duration update(Context& ctx, Duration lateness);
     void restart();
 
-    // The state of the reference clock against the other segment. `idle` until the first time stamp.
+    // The state of the reference clock against the clock of the bridge in the other segment. Whether that clock is in
+    // sync with its own reference, only the other master knows. `idle` until the first time stamp.
     // EventKind::master_in_sync and master_out_of_sync are reported for the cycle.
     [[nodiscard]] PhaseState state() const { return fault_ == PhaseState::idle ? reference_.state() : fault_; }
     // The error of the reference clock against the other segment in ns; positive when this segment is ahead.
@@ -63,7 +64,9 @@ class ExternalClock : public CycleClock {
     // The system time of this segment minus the system time of the other segment, by the bridge's last time stamps.
     [[nodiscard]] std::int64_t difference_ns() const { return difference_ns_; }
     [[nodiscard]] const PhaseController& reference() const { return reference_; }
-    // The clock that keeps the cycle in step with the reference clock of this segment.
+    // The clock that keeps the cycle in step with the reference clock of this segment. While no frame comes back,
+    // nothing steers the reference clock, and the cycle keeps the rate that it has learned: then state() is right, and
+    // the state of the cycle only after a second.
     [[nodiscard]] const MasterClock& cycle() const { return cycle_; }
 
   private:

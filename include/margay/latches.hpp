@@ -20,7 +20,8 @@ namespace margay {
 // One kind of edge at one input.
 struct LatchEdge {
     // The system time of the edge in ns. It has 64 bits, also if the clock of the slave has 32 bits, provided that
-    // configdc() was called.
+    // configdc() was called. An edge of a clock of 32 bits that may be older than 4 s, because the slave was
+    // disconnected, is left out: its time is not known.
     std::uint64_t time_ns = 0;
     std::uint32_t count = 0;  // edges since the request has begun
 };
@@ -38,7 +39,7 @@ struct LatchEdge {
 // invalid_argument (interval).
 struct LatchRequest : SlaveRequest {
     LatchRequest();
-    Duration interval = std::chrono::milliseconds(1);
+    Duration interval = std::chrono::milliseconds(1);  // with a clock of 32 bits: at most 2 s
     // Results: input 0 rising, input 0 falling, input 1 rising, input 1 falling.
     std::array<LatchEdge, 4> edges{};
 };

@@ -7,6 +7,8 @@
 #include <margay/latches.hpp>
 #include <margay/margay.hpp>
 
+#include <utility>
+
 namespace margay {
 namespace {
 
@@ -26,11 +28,14 @@ constexpr unsigned edges_of(std::uint64_t control_and_status) {
     return (status & 3U) | (status >> 8 & 3U) << 2;
 }
 
-Task<Result<>> read_edge(Network& network, LatchRequest& request, unsigned which) {
+// Reads the time, so that the input keeps the next edge. `known`: the time of a clock of 32 bits has not wrapped since
+// the edge.
+Task<Result<>> read_edge(Network& network, LatchRequest& request, unsigned which, bool known) {
     const Slave& slave = network.slave(request.slave);
     const wire::Register time{
         static_cast<std::uint16_t>(reg::kLatch0PositiveEdge.address + 8 * (which & 1U) + 0x10 * (which >> 1)), 8};
     const auto seen = co_await required(read<std::uint64_t>(network.station(slave), time, kStep));
+    if (!known) co_return Nothing{};
     const std::uint64_t about = network.clocks.system_at_ns(network.engine.now());
     LatchEdge& edge = request.edges[which];
     edge.time_ns = slave.dl.dc_64bit ? seen : extend_past_time_ns(static_cast<std::uint32_t>(seen), about);
@@ -52,12 +57,17 @@ Task<Result<bool>> has_system_time(Network& network, const Slave& slave) {
     co_return offset != 0;
 }
 
-// One reading of the status. A slave that was reset has lost the latch control.
-Task<Result<>> look_once(Network& network, LatchRequest& request) {
+constexpr Duration kLongestOf32Bits = std::chrono::seconds(4);  // see extend_past_time_ns()
+
+// One reading of the status. A slave that was reset has lost the latch control. `looked`: when the slave has answered
+// last.
+Task<Result<>> look_once(Network& network, LatchRequest& request, Time& looked) {
     if (check_same_slave(network, request.slave, kStep).code != Errc::none) co_return Nothing{};
     const Station station = network.station(network.slave(request.slave));
     refresh_system_time(network);  // a clock of 32 bits wraps
+    const Time asked = network.engine.now();
     const auto seen = co_await required(read<std::uint64_t>(station, kControlAndStatus, kStep));
+    const Time before = std::exchange(looked, asked);
     if (static_cast<std::uint16_t>(seen) != kBothEdges) {
         const bool set = co_await required(has_system_time(network, network.slave(request.slave)));
         if (!set) co_return Nothing{};
@@ -66,7 +76,9 @@ Task<Result<>> look_once(Network& network, LatchRequest& request) {
     const unsigned edges = edges_of(seen);
     for (unsigned which = 0; which < request.edges.size(); ++which) {
         if ((edges >> which & 1U) == 0) continue;
-        co_await required(read_edge(network, request, which));
+        const bool wide = network.slave(request.slave).dl.dc_64bit;
+        const bool known = wide || network.engine.now() - before < kLongestOf32Bits;
+        co_await required(read_edge(network, request, which, known));
     }
     co_return Nothing{};
 }
@@ -76,7 +88,9 @@ Task<Result<>> look_once(Network& network, LatchRequest& request) {
 static Error check(Network& network, const LatchRequest& request) {
     const Error refused = check_slave(network, request.slave, kStep);
     if (refused.code != Errc::none) return refused;
-    return request.interval > Duration{0} ? Error{} : invalid(Argument::interval, kStep, request.slave);
+    const bool wide = network.slave(request.slave).dl.dc_64bit;
+    const bool fits = request.interval > Duration{0} && (wide || request.interval <= kLongestOf32Bits / 2);
+    return fits ? Error{} : invalid(Argument::interval, kStep, request.slave);
 }
 
 // Whether the slave has latch inputs that the master controls. A slave that is there, but does not answer at these
@@ -94,12 +108,13 @@ static Task<Result<>> check_unit(Network& network, const LatchRequest& request) 
 static Task<Result<>> run(Network& network, LatchRequest& request) {
     request.edges = {};
     const std::uint32_t scan = network.scans;
+    Time looked = network.engine.now();
     if (network.slave(request.slave).al.state != AlState::none) {  // a lost slave may come back
         co_await required(check_unit(network, request));
     }
     for (;;) {
         if (network.scans != scan) co_return Error{.code = Errc::wrong_state, .step = kStep, .slave = request.slave};
-        co_await completion(look_once(network, request));  // a slave that does not answer may come back
+        co_await completion(look_once(network, request, looked));  // a slave that does not answer may come back
         co_await network.engine.sleep_for(request.interval);
     }
 }

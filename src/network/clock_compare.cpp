@@ -61,7 +61,7 @@ bool is_led_away(const Clocks& clocks, const Slave& slave, const FollowedClock& 
 }  // namespace
 
 void Clocks::forget() {
-    for (ClockEntry& entry : entries) entry = {};
+    for (ClockEntry& entry : entries) entry.reset();
     reference = rate_of = returning = 0;
     measuring = all_in_sync = paused = loss_reported = is_driven = is_paced = trusts_next = false;
     without_time = odd_times = 0;

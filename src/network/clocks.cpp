@@ -32,7 +32,7 @@ Task<Result<>> reset_clocks(Network& network) {
 }
 
 Task<Result<>> probe_if_there(Network& network, Slave& slave, Error& first) {
-    network.clocks.of(slave) = {};
+    network.clocks.of(slave).reset();
     if (slave.al.state == AlState::none || slave.ring_position == 0) co_return Nothing{};
     auto probed = co_await probe_clock(network, slave);
     if (!probed && first.code == Errc::none) first = probed.error();

@@ -77,6 +77,14 @@ struct ClockEntry : SlaveClock {
         sync_active = false;
         sync_start_ns = 0;
     }
+    // Forgets all but the setting of dcsync0().
+    void reset() {
+        const SyncRegisters kept = sync;
+        const bool is_set = sync_set;
+        *this = {};
+        sync = kept;
+        sync_set = is_set;
+    }
     [[nodiscard]] bool knows_difference() const { return follows != 0 && times_seen >= kTimesOfMean; }
     // The clock is in sync again only after new comparisons.
     void lose_sync() {

@@ -184,6 +184,7 @@ class Scanning {
     void begin() {
         ++network_.scans;
         network_.mailboxes.forget_all();
+        for (ClockEntry& entry : network_.clocks.entries) entry.sync_set = false;
         network_.clocks.forget();
         network_.count = 0;
         network_.ring_count = 0;

@@ -105,6 +105,9 @@ Result<std::uint64_t> find_start(Network& network, const Slave& slave, const Syn
     // A single pulse has no period of its own.
     const std::uint64_t period = sync_period_ns(sync.sync0_cycle_ns, sync.sync1_cycle_ns);
     const Duration usual = settings.start_grid > Duration{0} ? settings.start_grid : settings.cycle;
+    // A setting of dcsync0() may be older than the grid.
+    if (period != 0 && static_cast<std::uint64_t>(settings.start_grid.count()) % period != 0)
+        return invalid_time(Argument::sync_grid);
     const bool by_period = settings.start_grid <= Duration{0} && period != 0;
     const std::uint64_t grid = by_period ? period : static_cast<std::uint64_t>(usual.count());
     std::uint64_t start_ns = start_time_ns(now_ns + static_cast<std::uint64_t>(delay.count()), grid, sync.shift_ns);
@@ -119,6 +122,27 @@ Result<std::uint64_t> find_start(Network& network, const Slave& slave, const Syn
     return start_ns;
 }
 
+// The start time by the clock of the slave.
+Task<Result<std::uint64_t>> choose_start(Network& network, Slave& slave, SyncRegisters sync, SyncStart& start) {
+    start.asked = network.engine.now();
+    const auto time = co_await required(read<std::uint64_t>(network.station(slave), reg::kSystemTime, kSyncStep));
+    refresh_system_time(network);
+    const std::uint64_t about = network.clocks.system_at_ns(network.engine.now());
+    const std::uint64_t now_ns = network.clocks.of(slave).kind == ClockKind::bits64
+                                     ? time
+                                     : extend_time_ns(static_cast<std::uint32_t>(time), about);
+    const auto start_ns = find_start(network, slave, sync, start.delay, now_ns);
+    if (start_ns) start.comes = later(start.asked, Duration{static_cast<std::int64_t>(*start_ns - now_ns)});
+    co_return start_ns;
+}
+
+// Without these bits, the chip makes no signal.
+constexpr bool selects_signal(const SyncRegisters& sync) {
+    using namespace wire::sync_activation;
+    const unsigned activation = sync.assign_activate >> 8;
+    return (activation & kCyclic) != 0 && (activation & (kSync0 | kSync1)) != 0;
+}
+
 // Writes the registers while the start time is still in the future. If a frame was lost meanwhile, the caller tries
 // again.
 Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync, SyncStart& start) {
@@ -128,28 +152,21 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync, Sy
     if (sync.assign_activate != 0) co_await required(read_pulse_length(network, slave));
     const Error no_edges = check_pulse(clock.pulse_ns, sync);
     if (no_edges.code != Errc::none) co_return no_edges;
+    std::uint64_t start_ns = 0;
+    if (sync.assign_activate != 0) start_ns = co_await required(choose_start(network, slave, sync, start));
     auto off = co_await write_clock_register(station, reg::kSyncActivation, 0);
     clock.end_sync();
     if (!off || sync.assign_activate == 0) co_return off;
     constexpr wire::Register kBothCycles{reg::kSync0CycleTime.address, 8};
     const std::uint64_t cycles = sync.sync0_cycle_ns | std::uint64_t{sync.sync1_cycle_ns} << 32;
     co_await required(write_clock_register(station, kBothCycles, cycles));
-    start.asked = network.engine.now();
-    const auto time = co_await required(read<std::uint64_t>(station, reg::kSystemTime, kSyncStep));
-    refresh_system_time(network);
-    const std::uint64_t about = network.clocks.system_at_ns(network.engine.now());
-    const std::uint64_t now_ns =
-        clock.kind == ClockKind::bits64 ? time : extend_time_ns(static_cast<std::uint32_t>(time), about);
-    const auto start_ns = find_start(network, slave, sync, start.delay, now_ns);
-    if (!start_ns) co_return start_ns.error();
-    start.comes = later(start.asked, Duration{static_cast<std::int64_t>(*start_ns - now_ns)});
     wire::Register time_register = reg::kSyncStartTime;
     if (clock.kind == ClockKind::bits32) time_register.length = 4;
-    co_await required(write_clock_register(station, time_register, *start_ns));
+    co_await required(write_clock_register(station, time_register, start_ns));
     constexpr wire::Register kAssignActivate{reg::kCyclicUnitControl.address, 2};
     co_await required(write_clock_register(station, kAssignActivate, sync.assign_activate));
-    clock.sync_active = true;
-    clock.sync_start_ns = *start_ns;
+    clock.sync_active = selects_signal(sync);
+    if (clock.sync_active) clock.sync_start_ns = start_ns;
     clock.sync = sync;
     co_return Nothing{};
 }

@@ -76,6 +76,29 @@ TEST_F(Latches, AnEdgeBeforeTheClockIsSetAgainIsNotReported) {
     EXPECT_GE(after, 500) << "the clock is set, and the latch control is written again";
 }
 
+// The time of a clock of 32 bits wraps after 4.29 s.
+TEST_F(Latches, AnEdgeWhoseTimeMayHaveWrappedIsLeftOut) {
+    bring_up(DcUnit::bits32);
+    LatchRequest slow;
+    slow.slave = 2;
+    slow.interval = 3s;
+    EXPECT_EQ(submit(*ctx, slow).error().code, Errc::invalid_argument);
+    for (const int seconds : {3, 6}) {
+        const std::uint32_t before = request.edges[0].count;
+        segment.set_cable({1, 0}, false);
+        cycles(100);
+        const std::uint64_t time = edge(0, true);
+        cycles(seconds * 1000);
+        segment.set_cable({1, 0}, true);
+        cycles(200);
+        EXPECT_EQ(request.edges[0].count, before + (seconds == 3 ? 1U : 0U)) << seconds;
+        EXPECT_TRUE(seconds != 3 || std::abs(static_cast<std::int64_t>(request.edges[0].time_ns - time)) < 1'000'000);
+        (void)edge(0, true);
+        cycles(10);
+        EXPECT_EQ(request.edges[0].count, before + (seconds == 3 ? 2U : 1U)) << "the next edge is kept";
+    }
+}
+
 TEST_F(Latches, EachEdgeHasItsTime) {
     bring_up();
     (void)events();

@@ -355,12 +355,13 @@ TEST_F(Sync, TheApplicationMayChooseTheStartTime) {
     ASSERT_TRUE(dcsync0(*ctx, 2, true, 1ms).ok());
     EXPECT_EQ(choice.proposed % 1'000'000, 0U);
     EXPECT_EQ(clock(2).sync_start_ns, choice.proposed + 250'000);
+    const std::uint64_t active = clock(2).sync_start_ns;
     choice.by = -1'000'000'000;
     EXPECT_EQ(words(dcsync0(*ctx, 2, true, 1ms).error()),
               "slave 2: activating SYNC: argument out of range: ClockSettings::start_time has returned a time that has "
               "passed");
-    EXPECT_FALSE(clock(2).sync_active);
-    EXPECT_EQ(clock(2).sync_start_ns, 0U) << "nothing starts";
+    EXPECT_TRUE(clock(2).sync_active) << "nothing starts, and nothing ends";
+    EXPECT_EQ(clock(2).sync_start_ns, active);
     EXPECT_TRUE(dcsync0(*ctx, 1, true, 1ms).ok());
 }
 
@@ -407,6 +408,66 @@ TEST_F(Sync, AStartThatAlwaysPassesIsAnError) {
               "slave 2: activating SYNC: argument out of range: each time the start of SYNC0 has passed before the "
               "slave activated it");
     EXPECT_FALSE(clock(2).sync_active);
+}
+
+TEST_F(Sync, ASettingOfDcsync0RemainsAfterAnotherConfigdc) {
+    add_line(2);
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    ASSERT_TRUE(dcsync0(*ctx, 2, true, 2ms).ok());
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    EXPECT_FALSE(clock(2).sync_active);
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_TRUE(clock(2).sync_active);
+    EXPECT_EQ(register_of<std::uint32_t>(2, wire::reg::kSync0CycleTime), 2'000'000U);
+    // A grid that does not fit is an error, as it is in dcsync0().
+    ClockSettings settings = kFewFrames;
+    settings.start_grid = 3ms;
+    ASSERT_TRUE(configdc(*ctx, settings).ok());
+    EXPECT_EQ(config_map(*ctx, image).error().detail, static_cast<std::uint32_t>(Argument::sync_grid));
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_FALSE(clock(2).sync_active) << "config_init() forgets it";
+}
+
+TEST_F(Sync, ARefusedStartLeavesTheSignalsActive) {
+    add_line(2);
+    start();
+    ClockSettings settings = kFewFrames;
+    bool early = false;
+    settings.start_time_user = &early;
+    settings.start_time = [](std::uint16_t, std::uint64_t proposed, void* user) {
+        return *static_cast<bool*>(user) ? proposed - 1'000'000'000 : proposed;
+    };
+    ASSERT_TRUE(configdc(*ctx, settings).ok());
+    ASSERT_TRUE(dcsync0(*ctx, 2, true, 1ms).ok());
+    early = true;
+    EXPECT_EQ(dcsync0(*ctx, 2, true, 2ms).error().code, Errc::invalid_argument);
+    EXPECT_TRUE(clock(2).sync_active);
+    osal.advance(200ms);
+    const std::uint64_t before = pulses(2);
+    osal.advance(100ms);
+    EXPECT_EQ(pulses(2) - before, 100U) << "each millisecond as before";
+}
+
+// Without these bits of AssignActivate, the chip makes no signal.
+TEST(SyncSelection, WithoutASelectedSignalNoneIsActive) {
+    for (const std::uint16_t assign : {std::uint16_t{0x0200}, std::uint16_t{0x0100}, std::uint16_t{0x0001}}) {
+        SCOPED_TRACE(assign);
+        ClockBus bus;
+        bus.add_line(1);
+        bus.start();
+        ASSERT_TRUE(configdc(*bus.ctx, kFewFrames).ok());
+        SyncRequest request;
+        request.slave = 1;
+        request.sync = {.source = SyncSettings::Source::application, .assign_activate = assign, .sync0_cycle = 1ms};
+        ASSERT_TRUE(submit(*bus.ctx, request).ok());
+        while (request.busy()) bus.osal.wait(poll(*bus.ctx, bus.osal.now()), -1);
+        EXPECT_EQ(request.error().code, Errc::none);
+        EXPECT_FALSE(bus.clock(1).sync_active);
+        EXPECT_EQ(bus.clock(1).sync_start_ns, 0U);
+    }
 }
 
 // A new start on this grid would have another phase.
