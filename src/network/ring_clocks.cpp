@@ -258,6 +258,7 @@ Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) 
         if (clear && (held || !ring_.has_second_reference(address, first))) ring_.set_second_reference(address, first);
         co_return Nothing{};
     }
+    if (second != second_) lose_own_rate(network);
     second_ = second;
     // The first frames after the change of the ways may have found no reference, so the cycle may carry the time of the
     // standby. Its frames would bring the reference the time that the master has sent.

@@ -8,6 +8,7 @@ namespace margay {
 namespace {
 
 namespace reg = wire::reg;
+using namespace std::chrono_literals;
 
 // Writes the time of the reference to the second reference.
 Task<Result<>> write_time(Network& network, const Slave& second) {
@@ -21,6 +22,19 @@ Task<Result<>> write_time(Network& network, const Slave& second) {
 }
 
 }  // namespace
+
+// The second reference follows another clock from now on. Until now the master has compensated its rate, and the clock
+// has not learned the rate of the other clock. So it moves away until it is compared for the first time.
+void RingWatch::lose_own_rate(Network& network) const {
+    if (second_ == 0 || second_is_first_ || !is_steered()) return;
+    Duration cycle = std::chrono::milliseconds(1);
+    for (const ProcessGroup& group : network.process.groups)
+        if (group.mapped && group.dc_reference == network.clocks.reference && group.pace.before != Time::min())
+            cycle = group.pace.last - group.pace.before;
+    const Duration until_compared = ClockEntry::kTimesOfMean * cycle + 2 * network.clocks.settings.watch_interval;
+    const std::int64_t moves_ns = std::abs(std::int64_t{phase_.drift_ppb()}) * (until_compared / 1us) / 1'000'000;
+    if (moves_ns > network.clocks.settings.limit_ns) network.clocks.lose_sync(network.slave(second_));
+}
 
 // The second reference has never been compared with the reference, and would drift away because both oscillators
 // differ. So the master writes the time of the reference to the second reference until its control loop has learned the

@@ -119,6 +119,7 @@ class RingWatch final : public RedundancyPart {
     bool end_constant(Network& network);
     void use_known_constant(Network& network);
     void lose_behind(Network& network) const;
+    void lose_own_rate(Network& network) const;
     void distrust_second_part(Network& network);
     [[nodiscard]] Constant present_constant() const;
     [[nodiscard]] const Constant* known_constant() const;

@@ -171,6 +171,7 @@ void RingWatch::note_change(Network& network) {
     const auto ways = static_cast<std::uint16_t>(ring_.ways());
     if (std::exchange(noted_ways_, ways) == ways) return;
     Clocks& clocks = network.clocks;
+    if (!has_beside_ && parts().whole) lose_own_rate(network);
     // The clocks behind the break now receive the time of the reference for the first time.
     const bool corrected = guessed_ && parts().whole;
     if (clocks.reference == 0 || (!has_beside_ && !corrected)) return;

@@ -166,5 +166,55 @@ TEST(ClockRingRate, IsLearnedWithLostFrames) {
     EXPECT_LE(bus.cycles(300), 200) << bus.joined(bus.events());
 }
 
+// All slaves have lost their power in parts of the ring, so the clocks behind the break run at the rate of the second
+// reference, which has kept the rate of its own oscillator: the master compensates it in each round. When the ring is
+// whole, the second reference follows the reference, and moves away until it has learned the rate of the reference.
+TEST(ClockRingRate, IsNotKnownAtTheRepair) {
+    for (const std::int32_t drift : {-24'000, -12'000, 12'000, 24'000}) {
+        SCOPED_TRACE(drift);
+        ClockRingBus bus;
+        for (unsigned n = 0; n < 4; ++n) (void)bus.add_to_ring(ClockRingBus::clocked(n < 2 ? 0 : drift, n * 1000));
+        bus.close_ring();
+        bus.bring_up();
+        const auto power = [&bus](std::initializer_list<unsigned> slaves, bool on) {
+            for (const unsigned n : slaves) bus.segment.set_power(bus.at[n], on, bus.osal.now());
+        };
+        bus.cable(bus.ring_cables[2], false);
+        (void)bus.cycles(500);
+        power({0, 1}, false);
+        (void)bus.cycles(500);
+        power({2, 3}, false);
+        (void)bus.cycles(500);
+        power({2, 3}, true);
+        (void)bus.cycles(2000);
+        power({0, 1}, true);
+        ASSERT_TRUE(bus.until_all_in_op(8000)) << bus.joined(bus.events());
+        (void)bus.cycles(4000);
+        EXPECT_EQ(bus.status().second_reference, 3);
+        EXPECT_TRUE(slave_clock(*bus.ctx, 3).in_sync);
+        const auto told = bus.joined(bus.events());
+        bus.cable(bus.ring_cables[2], true);
+        EXPECT_EQ(bus.wrong_cycles(1000), 0U) << told;
+        (void)bus.cycles(2000);
+        EXPECT_TRUE(are_all_in_sync(bus)) << bus.joined(bus.events());
+    }
+}
+
+// Clocks that have learned the rate of the reference stay in sync at a break and at a repair.
+TEST(ClockRingRate, IsKnownAtTheRepair) {
+    ClockRingBus bus;
+    bus.build(6, false);
+    bus.bring_up();
+    for (unsigned n = 0; n < 12; ++n) {
+        bus.cable(bus.ring_cables[1 + n % 5], n % 2 != 0);
+        for (unsigned cycles = 0; cycles < 400; ++cycles) {
+            (void)bus.cycle();
+            ASSERT_TRUE(are_all_in_sync(bus)) << n << ", " << cycles << "\n" << bus.joined(bus.events());
+        }
+        if (n % 2 == 0) bus.cable(bus.ring_cables[1 + n % 5], true);
+        (void)bus.cycles(200);
+    }
+}
+
 }  // namespace
 }  // namespace margay
