@@ -277,6 +277,8 @@ Error check_receive_times(Network& network) {
         const DelayNode& node = nodes[n];
         if (ring[n].slave == 0 || !node.timed()) continue;
         Error error{.step = Step::configure_clocks, .slave = ring[n].slave};
+        // The times are counted from the arrival at another port: the places were read anew since, after a change.
+        if (node.times->port_ps(node.entry_port) != 0) error.code = Errc::unstable;
         for (std::uint8_t port = 0; port < 4; ++port) {
             const bool neighbour = port != node.entry_port && (node.neighbours >> port & 1) != 0;
             if (!neighbour) continue;

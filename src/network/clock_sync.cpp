@@ -60,7 +60,9 @@ Task<Result<>> continue_reference(Network& network) {
     clock.end_sync();
     clock.offset_ns = clock_offset_ns(clocks.system_at_ns(sent), clock.delay_ns, clock.local_ns);
     take_own_rate(network, reference);
-    co_return co_await required(write_clock(network, reference));
+    const auto written = co_await write_clock(network, reference);
+    clocks.forget_times_before(network.engine.now());
+    co_return written;
 }
 
 // The application or MasterClock writes times to this clock, which may be far from the expected system time.
@@ -190,6 +192,7 @@ Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) 
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));  // another slave becomes the reference now
     (void)carry_time_of(network, nullptr);
     TimePause pause(network);
+    const std::uint16_t before = clocks.reference;
     // After a loss of power, the control loop corrects the clock at the greatest rate, and would continue while the
     // clock is being set.
     auto set = co_await reset_control_loop(network.station(slave));
@@ -199,14 +202,21 @@ Task<Result<>> become_reference(Network& network, Slave& slave, ClockRate rate) 
         if (!learned) set = learned.error();
         if (!learned || !*learned) rate = ClockRate::own;
     }
+    // Another slave has become the reference, so the cycles have carried the time again. This slave has taken the time
+    // that the master has sent, and has followed it with its rate.
+    if (set && clocks.reference != before) {
+        rate = ClockRate::own;
+        set = co_await reset_control_loop(network.station(slave));
+    }
     // Another slave, before this one, may have become the reference meanwhile.
     const bool first =
         set && slave.ring_position != 0 && slave.ring_position < network.slave(clocks.reference).ring_position;
     clocks.of(slave).synchronised = set.ok();
     if (set) set = co_await write_delay_again(network, slave);
     clocks.lose_sync(slave);
+    // Before set_reference(), which takes some cycles in a ring with two NICs.
+    if (first && rate == ClockRate::own) lose_sync_of_others(network, slave);
     if (first) co_await completion(set_reference(network, slave));
-    if (first && rate == ClockRate::own) clocks.rate_of = slave.number;
     // If the new reference has another rate, the clocks that follow it need time to learn this rate. The clocks that do
     // not follow the slave are not in step with it.
     for (const Slave& other : network.slaves())

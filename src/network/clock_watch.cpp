@@ -391,7 +391,7 @@ Task<Result<>> compare_clocks(Network& network) {
 // The cycles bring times of the reference that no rate explains. They count if the reference was not reset.
 Task<Result<>> judge_odd_times(Network& network) {
     const auto kept = co_await check_offset(network);
-    if (kept) network.clocks.trusts_next = true;
+    if (kept) network.clocks.trust_times(network.engine.now());
     if (!kept && kept.error().code == Errc::unstable) co_await completion(restore_reference(network));
     co_return Nothing{};
 }

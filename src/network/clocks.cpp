@@ -291,27 +291,36 @@ bool is_way_unknown(Network& network, const Slave& slave, const Slave& reference
 
 Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Slave& reference) {
     Clocks& clocks = network.clocks;
+    const RedundancyPart* const ring = network.redundancy;
+    // The ring may change during this time.
+    while (ring != nullptr && clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     const RingParts before = network.ring_parts();
     const std::int64_t of_line = std::int64_t{clocks.of(slave).delay_ns} - clocks.of(reference).delay_ns;
-    const RedundancyPart* const ring = network.redundancy;
     const bool parted = ring != nullptr && ring->are_parted(network, slave, reference);
     if (!parted || before.whole || ring->has_clocks_beside()) co_return of_line;
-    while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    const std::uint32_t changes = ring->changes();
     const ScopedFlag measuring(clocks.measuring);
     for (ClockEntry& clock : clocks.entries.first(network.count)) clock.times.clear();
     (void)find_frame_ways(network);
     co_await required(measure_all(network));
     Error changed = changed_meanwhile(network);
+    if (check_receive_times(network).code == Errc::unstable) changed.code = Errc::unstable;
     const auto nodes = clocks.nodes.first(find_frame_ways(network));
     const std::size_t from = reference.ring_position;
     const std::size_t to = slave.ring_position;
     const auto is_known = [nodes](std::size_t place) {
         return place != 0 && place <= nodes.size() && nodes[place - 1].timed();
     };
-    if (ring_has_changed(network, before) || !is_known(from) || !is_known(to)) changed.code = Errc::unstable;
+    if (ring_has_changed(network, before) || ring->changes() != changes || !is_known(from) || !is_known(to))
+        changed.code = Errc::unstable;
     if (changed.code != Errc::none) co_return changed;
     compute_delays(nodes);
-    co_return delay_between_ns(nodes[from - 1], nodes[to - 1]);
+    const std::int64_t way_ns = delay_between_ns(nodes[from - 1], nodes[to - 1]);
+    // Both parts have latched different frames.
+    const std::int64_t longest_ns = 1'000'000 + 4'000 * std::int64_t{network.count};
+    if (std::abs(way_ns) > longest_ns)
+        co_return Error{.code = Errc::unstable, .step = kClockStep, .slave = slave.number};
+    co_return way_ns;
 }
 
 Task<Result<>> write_clock_register(Station station, wire::Register r, std::uint64_t value) {
@@ -359,8 +368,7 @@ Task<Result<>> send_time(Network& network) {
     constexpr std::uint8_t kFewOdd = 2;
     if (clocks.odd_times < kFewOdd) co_return Nothing{};
     co_await required(check_offset(network));
-    clocks.trusts_next = true;
-    clocks.note_seen_time(load_le<std::uint64_t>(time), wide, carry.sent_at());
+    clocks.trust_times(network.engine.now());
     co_return Nothing{};
 }
 

@@ -135,7 +135,7 @@ struct Clocks {
     std::uint64_t paced_ns = 0;    // the cycle of this MasterClock; 0: it is not in sync with the bus
     bool loss_reported = false;    // the loss of the reference was reported
     std::uint8_t odd_times = 0;    // how many times in succession note_seen_time() has left out
-    bool trusts_next = false;      // see note_seen_time()
+    bool trusts_next = false;      // see trust_times()
     bool ways_unknown = false;     // frames enter slaves at other ports, and find_ways() does not know how
     bool unknown_latched = false;  // the last latching has reached more slaves than are known to be in the ring
     std::uint16_t looked_at = 0;   // the slave whose difference was read last while all clocks were in sync
@@ -192,8 +192,8 @@ struct Clocks {
         return ahead <= limit && ahead >= -limit;
     }
     // The same for a time that frames bring without a request. A time that no rate explains is left out, until a look
-    // at the reference has shown that the reference was not reset (`trusts_next`): a slave that was reset answers with
-    // a time of its own.
+    // at the reference has shown that the reference was not reset: a slave that was reset answers with a time of its
+    // own.
     void note_seen_time(std::uint64_t time_ns, bool wide, Time now) {
         if (now <= system_at) return;
         constexpr std::int64_t kNearest_ns = 100'000;
@@ -205,6 +205,18 @@ struct Clocks {
         if (odd) return;
         trusts_next = false;
         note_time(time_ns, wide, now);
+    }
+    // Times of frames that were sent before `now` are left out: the reference may have been reset then, and was set
+    // since.
+    void forget_times_before(Time now) {
+        system_ns = system_at_ns(now);
+        system_at = now;
+        odd_times = 0;
+    }
+    // The reference was not reset: the next time that a frame brings is the time of the reference.
+    void trust_times(Time now) {
+        forget_times_before(now);
+        trusts_next = true;
     }
     static constexpr std::uint8_t kManyOdd = 20;
     [[nodiscard]] ClockEntry& of(const Slave& slave) { return entries[slave.number - 1U]; }

@@ -12,6 +12,7 @@ struct ResetBus : ClockRingBus {
     static constexpr unsigned kSlaves = 6;
     std::mt19937 random;
     std::int64_t zero_ns = 0;
+    unsigned most_rest = 1200;                                    // cycles after a loss of power
     std::vector<bool> fresh = std::vector<bool>(kSlaves, false);  // the master may not know of the loss of power yet
     unsigned wrong = 0;
 
@@ -58,17 +59,14 @@ struct ResetBus : ClockRingBus {
             power(n, true);
             if (below(2) == 0) go(below(400));
         }
-        go(below(1200));
+        go(below(most_rest));
     }
 };
 
-class ClockReset : public testing::TestWithParam<unsigned> {};
-
-TEST_P(ClockReset, LeadsNoOtherClock) {
-    ResetBus bus;
-    bus.random.seed(GetParam());
+// A ring whose slaves have clocks that have run for different times, some of them for years.
+void bring_up(ResetBus& bus, unsigned seed) {
+    bus.random.seed(seed);
     for (unsigned n = 0; n < ResetBus::kSlaves; ++n) {
-        // The clocks have run for different times, and some of them for years.
         const std::uint64_t began = (std::uint64_t{bus.random()} << 32 | bus.random()) >> (3 + bus.below(30));
         (void)bus.add_to_ring(ClockRingBus::clocked(static_cast<std::int32_t>(bus.below(200'001)) - 100'000, began));
     }
@@ -76,7 +74,14 @@ TEST_P(ClockReset, LeadsNoOtherClock) {
     bus.bring_up();
     bus.zero_ns = static_cast<std::int64_t>(clock_status(*bus.ctx, bus.osal.now()).system_time_ns) -
                   (bus.osal.now() - Time{}).count();
-    bus.segment.set_noise({.lost = 0.02, .seed = GetParam()});
+    bus.segment.set_noise({.lost = 0.02, .seed = seed});
+}
+
+class ClockReset : public testing::TestWithParam<unsigned> {};
+
+TEST_P(ClockReset, LeadsNoOtherClock) {
+    ResetBus bus;
+    bring_up(bus, GetParam());
     for (unsigned n = 0; n < 4 && bus.wrong == 0; ++n) {
         const unsigned front = 1 + bus.below(ResetBus::kSlaves - 1);
         bus.cable(bus.ring_cables[front], false);
@@ -90,6 +95,33 @@ TEST_P(ClockReset, LeadsNoOtherClock) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, ClockReset, testing::Values(5U, 7U, 10U, 12U, 34U));
+
+class ClockResetInChanges : public testing::TestWithParam<unsigned> {};
+
+// The cable is repaired for some cycles while the way from one part of the ring to the other one is measured.
+TEST_P(ClockResetInChanges, LeadsNoOtherClock) {
+    ResetBus bus;
+    bring_up(bus, GetParam());
+    bus.most_rest = 400;
+    for (unsigned n = 0; n < 4 && bus.wrong == 0; ++n) {
+        const unsigned front = 1 + bus.below(ResetBus::kSlaves - 1);
+        bus.cable(bus.ring_cables[front], false);
+        bus.go(300 + bus.below(1500));
+        for (unsigned times = 0; times < 6; ++times) {
+            bus.switch_off_and_on(front);
+            bus.cable(bus.ring_cables[front], true);
+            bus.go(1 + bus.below(60));
+            bus.cable(bus.ring_cables[front], false);
+            bus.go(1 + bus.below(400));
+        }
+        bus.cable(bus.ring_cables[front], true);
+        bus.go(1000);
+    }
+    bus.segment.set_noise({});
+    EXPECT_EQ(bus.wrong, 0U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, ClockResetInChanges, testing::Values(6U, 11U, 15U, 26U, 28U, 41U, 51U, 54U, 56U));
 
 }  // namespace
 }  // namespace margay
