@@ -96,6 +96,10 @@
 // NIC may report a link. Then the library waits for no frame of this NIC until a frame of this NIC has come back. So a
 // single lost frame costs only its own cycle (more while a slave is missing or exchanges no process data, see
 // receive_processdata()), and the library regards no slave as lost because of it.
+//
+// If the second NIC of a whole ring sends, and receives nothing although its link is up, all inputs stay old: they are
+// in the frames of the first NIC, which end at the second NIC. The event "no frame comes back from the segment" does
+// not name the NIC. RedundancyStatus::cables does: `received` of the second NIC and `lost` of the first NIC show it.
 #pragma once
 
 #include <margay/context.hpp>
