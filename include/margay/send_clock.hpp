@@ -3,8 +3,8 @@
 // uses it, so a NIC without time stamps, and a program without LinkLayerClock, have no cost.
 //
 // To port: keep the time and the first kHeadBytes octets of the last frames that were sent, at least 16 of them; a
-// SendTimes does that. Also note a frame that was not sent, or has no time: otherwise the time of an older frame with
-// the same head is returned for this frame.
+// SendTimes does that. Note each frame without a time when it is sent, and also a frame that could not be sent, if its
+// time comes later or may be lost: otherwise the time of an older frame with the same head is returned for this frame.
 #pragma once
 
 #include <margay/detail/frame_times.hpp>

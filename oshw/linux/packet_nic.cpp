@@ -125,11 +125,10 @@ std::uint64_t PacketNic::overruns() noexcept {
 }
 
 SendStatus PacketNic::send(std::span<const std::byte> frame) noexcept {
+    // Without a time until its report comes: a report may be lost.
+    if (stamps_sent_) send_times_.add(frame, std::nullopt);
     if (send_time_ != kAtOnce) return send_timed(frame);
-    if (::send(socket_, frame.data(), frame.size(), MSG_DONTWAIT) < 0) {
-        if (stamps_sent_) send_times_.add(frame, std::nullopt);
-        return not_sent(errno);
-    }
+    if (::send(socket_, frame.data(), frame.size(), MSG_DONTWAIT) < 0) return not_sent(errno);
     interface_.note_sent();
     return SendStatus::sent;
 }

@@ -150,8 +150,8 @@ bool PacketNic::read_report(int socket) noexcept {
         was_dropped |= timed_.take_report(c);
         if (!time_ns) time_ns = time_in(*c, stamps_);
     }
-    if (was_dropped) time_ns = std::nullopt;
-    send_times_.add(std::span<const std::byte>(head).first(static_cast<std::size_t>(length)), time_ns);
+    if (time_ns && !was_dropped)
+        send_times_.add(std::span<const std::byte>(head).first(static_cast<std::size_t>(length)), *time_ns);
     return true;
 }
 

@@ -28,8 +28,8 @@ constexpr unsigned edges_of(std::uint64_t control_and_status) {
     return (status & 3U) | (status >> 8 & 3U) << 2;
 }
 
-// Reads the time, so that the input keeps the next edge. `known`: the time of a clock of 32 bits has not wrapped since
-// the edge.
+// Reads the time, so that the input keeps the next edge. `known`: the edge is of this request, and the time of a clock
+// of 32 bits has not wrapped since.
 Task<Result<>> read_edge(Network& network, LatchRequest& request, unsigned which, bool known) {
     const Slave& slave = network.slave(request.slave);
     const wire::Register time{
@@ -60,7 +60,7 @@ Task<Result<bool>> has_system_time(Network& network, const Slave& slave) {
 constexpr Duration kLongestOf32Bits = std::chrono::seconds(4);  // see extend_past_time_ns()
 
 // One reading of the status. A slave that was reset has lost the latch control. `looked`: when the slave has answered
-// last.
+// last; Time::min(): not yet, so a slave that has the latch control may have kept an edge from before the request.
 Task<Result<>> look_once(Network& network, LatchRequest& request, Time& looked) {
     if (check_same_slave(network, request.slave, kStep).code != Errc::none) co_return Nothing{};
     const Station station = network.station(network.slave(request.slave));
@@ -77,7 +77,7 @@ Task<Result<>> look_once(Network& network, LatchRequest& request, Time& looked) 
     for (unsigned which = 0; which < request.edges.size(); ++which) {
         if ((edges >> which & 1U) == 0) continue;
         const bool wide = network.slave(request.slave).dl.dc_64bit;
-        const bool known = wide || network.engine.now() - before < kLongestOf32Bits;
+        const bool known = before != Time::min() && (wide || network.engine.now() - before < kLongestOf32Bits);
         co_await required(read_edge(network, request, which, known));
     }
     co_return Nothing{};
@@ -108,7 +108,7 @@ static Task<Result<>> check_unit(Network& network, const LatchRequest& request) 
 static Task<Result<>> run(Network& network, LatchRequest& request) {
     request.edges = {};
     const std::uint32_t scan = network.scans;
-    Time looked = network.engine.now();
+    Time looked = Time::min();
     if (network.slave(request.slave).al.state != AlState::none) {  // a lost slave may come back
         co_await required(check_unit(network, request));
     }

@@ -475,6 +475,11 @@ Task<Result<>> watch_clocks(Network& network) {
     if ((guessed || changed || measure_again) && !network.searching) {
         clocks.delays_at = later(now, clocks.settings.delay_interval);
         auto improved = co_await improve_and_compare(network);
+        // While the ring is open, the cycles bring the time to no clock. The control loops need more time than that.
+        constexpr int kRests = 8;
+        const Time end = network.engine.now();
+        if (network.redundancy != nullptr)
+            clocks.delays_at = std::max(clocks.delays_at, later(end, kRests * (end - now)));
         if (!improved && improved.error().code == Errc::capacity) co_return improved;
     }
     if (!cycle_carries_time(network)) {

@@ -76,6 +76,22 @@ TEST_F(Latches, AnEdgeBeforeTheClockIsSetAgainIsNotReported) {
     EXPECT_GE(after, 500) << "the clock is set, and the latch control is written again";
 }
 
+// The slave has kept the latch control of an earlier request, and an edge since then.
+TEST_F(Latches, AnEdgeBeforeTheRequestIsNotCounted) {
+    bring_up();
+    request.cancel();
+    cycles(5);
+    (void)edge(0, true);
+    cycles(1000);
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    cycles(20);
+    EXPECT_EQ(request.edges[0].count, 0U);
+    const std::uint64_t time = edge(0, true);
+    cycles(5);
+    EXPECT_EQ(request.edges[0].count, 1U);
+    EXPECT_LE(std::abs(static_cast<std::int64_t>(request.edges[0].time_ns - time)), 200);
+}
+
 // The time of a clock of 32 bits wraps after 4.29 s.
 TEST_F(Latches, AnEdgeWhoseTimeMayHaveWrappedIsLeftOut) {
     bring_up(DcUnit::bits32);

@@ -37,6 +37,28 @@ TEST(SendTimesTest, FindsTheNewestFrameByItsHead) {
     EXPECT_EQ(times.find(head), 1U);
 }
 
+// The time comes after the frame was noted. A frame whose time is lost does not have the time of an older frame.
+TEST(SendTimesTest, ALostTimeIsNotThatOfAnOlderFrame) {
+    SendTimes times;
+    std::array<std::byte, 64> frame{};
+    const auto head = Bytes(frame).first(SendClock::kHeadBytes);
+    for (std::uint64_t n = 0; n < SendTimes::kMost; ++n) {
+        frame[17] = static_cast<std::byte>(n);
+        times.add(frame, std::nullopt);
+        EXPECT_FALSE(times.find(head));
+        times.add(frame, 1000 + n);
+    }
+    for (std::uint64_t n = 0; n < SendTimes::kMost; ++n) {
+        frame[17] = static_cast<std::byte>(n);
+        EXPECT_EQ(times.find(head), 1000 + n) << "each frame has one entry";
+    }
+    frame[17] = std::byte{3};
+    times.add(frame, std::nullopt);
+    EXPECT_FALSE(times.find(head)) << "the time of the frame 256 frames ago";
+    times.add(frame, 5000);
+    EXPECT_EQ(times.find(head), 5000U);
+}
+
 // A NIC whose clock is 60 ppm faster than the clock of the host, and two slaves that drift. The host does not know the
 // time between the wake-up and the wire.
 struct LinkLayerClockTest : testing::Test, ClockBus {

@@ -22,22 +22,23 @@ class FrameTimes {
     static constexpr std::size_t kMost = 16;
 
     // `head`: at least kFrameHeadBytes octets; a shorter frame is not kept. `time_ns`: nothing if the NIC has no time
-    // for this frame.
+    // for this frame, or not yet: then another call with the time completes the entry.
     void add(std::span<const std::byte> head, std::optional<std::uint64_t> time_ns) noexcept {
         if (head.size() < kFrameHeadBytes) return;
+        Entry* const known = time_ns ? newest(head) : nullptr;
+        if (known != nullptr && !known->time_ns) {
+            known->time_ns = time_ns;
+            return;
+        }
         Entry& entry = entries_[newest_ = (newest_ + 1) % kMost];
         std::copy_n(head.begin(), entry.head.size(), entry.head.begin());
         entry.time_ns = time_ns;
         entry.used = true;
     }
     // The time of the newest frame with this head.
-    [[nodiscard]] std::optional<std::uint64_t> find(std::span<const std::byte> head) const noexcept {
-        if (head.size() < kFrameHeadBytes) return std::nullopt;
-        for (std::size_t n = 0; n < kMost; ++n) {
-            const Entry& entry = entries_[(newest_ + kMost - n) % kMost];
-            if (entry.used && is_same(entry.head, head)) return entry.time_ns;
-        }
-        return std::nullopt;
+    [[nodiscard]] std::optional<std::uint64_t> find(std::span<const std::byte> head) noexcept {
+        const Entry* const entry = head.size() < kFrameHeadBytes ? nullptr : newest(head);
+        return entry == nullptr ? std::nullopt : entry->time_ns;
     }
 
   private:
@@ -46,6 +47,14 @@ class FrameTimes {
         std::optional<std::uint64_t> time_ns;
         bool used = false;
     };
+    // nullptr: there is none.
+    Entry* newest(std::span<const std::byte> head) noexcept {
+        for (std::size_t n = 0; n < kMost; ++n) {
+            Entry& entry = entries_[(newest_ + kMost - n) % kMost];
+            if (entry.used && is_same(entry.head, head)) return &entry;
+        }
+        return nullptr;
+    }
     static bool is_same(std::span<const std::byte> a, std::span<const std::byte> b) noexcept {
         constexpr std::size_t kLength = 14;
         constexpr std::size_t kDatagram = 16;
