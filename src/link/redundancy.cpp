@@ -150,7 +150,8 @@ SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexc
     busy_[nic].store(status == SendStatus::busy, kRelaxed);
     if (status != SendStatus::busy) refused_[nic].store(status == SendStatus::failed, kRelaxed);
     // A copy that a NIC does not accept for once is as a lost one: the slaves of its part have not answered.
-    const bool no_loss = status == SendStatus::failed || (status == SendStatus::busy && by_head_.load(kRelaxed));
+    const bool idle = nic != pair.head && by_head_.load(kRelaxed);
+    const bool no_loss = status == SendStatus::failed || (status == SendStatus::busy && idle);
     if (no_loss) pair.sent.fetch_and(static_cast<std::uint8_t>(~bit(nic)), std::memory_order_release);
     return status;
 }

@@ -45,12 +45,13 @@ struct Sound {
 
 // Does not accept some of its frames.
 struct BusyNic final : ForwardingNic {
-    unsigned each = 0;  // one of so many; 0: none
+    unsigned each = 0;  // of so many frames, the first `row`; 0: none
+    unsigned row = 1;
     unsigned count = 0;
 
     using ForwardingNic::ForwardingNic;
     SendStatus send(std::span<const std::byte> frame) noexcept override {
-        return each != 0 && ++count % each == 0 ? SendStatus::busy : nic_.send(frame);
+        return each != 0 && ++count % each < row ? SendStatus::busy : nic_.send(frame);
     }
 };
 
@@ -76,6 +77,24 @@ TEST(RingLostFrames, ACopyThatIsNotAcceptedForOnceLosesNoSlave) {
             sound.cycles(5000);
             sound.expect_no_harm();
         }
+}
+
+TEST(RingLostFrames, ACopyOfTheHeadThatIsNotAcceptedDoesNotChangeTheCounts) {
+    RingBus bus;
+    bus.build_line(8);
+    bus.plug();
+    BusyNic busy(*bus.nics[0]);
+    bus.ctx = std::make_unique<HostContext>(RingBus::limits());
+    ASSERT_TRUE(init_redundant(*bus.ctx, busy, *bus.nics[1], bus.osal).ok());
+    ASSERT_TRUE(config_init(*bus.ctx).ok());
+    bus.run();
+    busy.each = 7;
+    busy.row = 2;  // the other NIC is the first to send the second of these frames
+    for (unsigned n = 0; n < 500; ++n) {
+        (void)bus.stale_cycles(1);
+        ASSERT_EQ(redundancy(*bus.ctx).cables[0].slaves, 8) << n;
+        ASSERT_EQ(redundancy(*bus.ctx).ring, RingState::whole) << n;
+    }
 }
 
 TEST(RingLostFrames, NoSoundSlaveMissesItsOutputs) {
