@@ -292,12 +292,15 @@ bool is_way_unknown(Network& network, const Slave& slave, const Slave& reference
 Task<Result<std::int64_t>> measure_way(Network& network, Slave& slave, const Slave& reference) {
     Clocks& clocks = network.clocks;
     const RedundancyPart* const ring = network.redundancy;
-    // The ring may change during this time.
-    while (ring != nullptr && clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-    const RingParts before = network.ring_parts();
-    const std::int64_t of_line = std::int64_t{clocks.of(slave).delay_ns} - clocks.of(reference).delay_ns;
-    const bool parted = ring != nullptr && ring->are_parted(network, slave, reference);
-    if (!parted || before.whole || ring->has_clocks_beside()) co_return of_line;
+    RingParts before;
+    for (;;) {  // the ring may change while another measurement runs
+        before = network.ring_parts();
+        const bool parted = ring != nullptr && ring->are_parted(network, slave, reference);
+        if (!parted || before.whole || ring->has_clocks_beside())
+            co_return std::int64_t{clocks.of(slave).delay_ns} - clocks.of(reference).delay_ns;
+        if (!clocks.measuring) break;
+        co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    }
     const std::uint32_t changes = ring->changes();
     const ScopedFlag measuring(clocks.measuring);
     for (ClockEntry& clock : clocks.entries.first(network.count)) clock.times.clear();
