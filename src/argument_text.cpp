@@ -33,7 +33,9 @@ std::string_view argument_text(Argument argument, const Error& where) {
         case Argument::period: return "the period must be above zero";
         case Argument::reply_timeout: return "the reply timeout must not be negative";
         case Argument::send_lead: return "the send lead must be longer than 0 and shorter than the period";
-        case Argument::interval: return "an interval must be above zero (line_interval: zero or more)";
+        case Argument::interval:
+            return "an interval must be above zero (line_interval: zero or more; of latches at a clock of 32 bits: 2 s "
+                   "at most)";
         case Argument::look_every: return "the interval of looks for mail must not be negative (zero: no looks)";
         case Argument::state: return states_text(where);
         case Argument::work: return "there is no work function";

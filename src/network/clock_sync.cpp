@@ -134,14 +134,18 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     // A second reference without its clock leads no other clock: it is set first, when its slave is brought back.
     const Error no_time{.code = Errc::unstable, .step = Step::configure_clocks, .slave = slave.number};
     if (reset && reference.number != clocks.reference) co_return no_time;
+    ClockEntry& clock = clocks.of(slave);
+    ClockEntry& source = clocks.of(reference);
+    // Another program has moved the reference.
+    const bool wide = source.kind == ClockKind::bits64;
+    const std::uint64_t moved_ns = offset - source.offset_ns;
+    const std::int64_t moved = wide ? static_cast<std::int64_t>(moved_ns) : static_cast<std::int32_t>(moved_ns);
+    if (std::abs(moved) > kNear_ns) source.offset_ns = offset;
     co_await required(latch_receive_times(network));
     co_await required(read_receive_times(network, slave, Keep::no));
     co_await required(read_receive_times(network, reference, Keep::no));
-    ClockEntry& clock = clocks.of(slave);
-    const ClockEntry& source = clocks.of(reference);
     const std::uint64_t system = source.local_ns + offset - source.delay_ns;
     // The reference may have lost its power since its offset was read.
-    const bool wide = source.kind == ClockKind::bits64;
     if (!is_moved_freely(clocks, reference) && !clocks.is_likely(system, wide, clocks.latched_at)) co_return no_time;
     clocks.note_time(system, wide, clocks.latched_at);
     clock.offset_ns = clock_offset_ns(clocks.system_ns, way + source.delay_ns, clock.local_ns);

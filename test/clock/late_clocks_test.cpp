@@ -44,6 +44,33 @@ TEST(LateReference, LearnsWithLongCyclesWhileTheOthersStayInSync) {
     }
 }
 
+// Another program writes the offset of the slave that has become the reference meanwhile.
+TEST_F(LateClocks, AReferenceReturnsToClocksThatWereMoved) {
+    for (const std::int64_t jump_ns : {500'000, -150'000, 50'000}) {
+        SCOPED_TRACE(jump_ns);
+        LateClocksBus bus;
+        bus.hang(0, {.drift_ppb = 40'000, .start_ns = 99});
+        bus.hang(1, {.drift_ppb = -30'000, .start_ns = 0x7'1234'5678});
+        bus.bring_up(kFewFrames, {});
+        bus.power(0, false);
+        bus.power(0, true);
+        bus.steps(21);
+        ASSERT_EQ(reference_clock(*bus.ctx), 2);
+        std::array<std::byte, 8> offset{};
+        store_le<std::uint64_t>(offset, 0, bus.clock(2).offset_ns + static_cast<std::uint64_t>(jump_ns));
+        RegisterWriteRequest write;
+        write.slave = 2;
+        write.address = wire::reg::kSystemTimeOffset.address;
+        write.data = offset;
+        ASSERT_TRUE(submit(*bus.ctx, write).ok());
+        for (int n = 0; write.busy() && n < 100; ++n) bus.step();
+        ASSERT_EQ(write.error().code, Errc::none);
+        bus.steps(5000);
+        EXPECT_EQ(bus.ctx->slave(1).al.state, AlState::op) << bus.joined(bus.events());
+        EXPECT_LE(bus.greatest_error_ns(2), 200);
+    }
+}
+
 // The reference gets the time that the other clocks have kept, and not the time of the master.
 TEST_F(LateClocks, AReferenceThatReturnsMakesNoStep) {
     hang(0, {.drift_ppb = 50'000, .start_ns = 0x1234'5678'9ABCULL});
