@@ -97,6 +97,24 @@ TEST(RingLostFrames, ACopyOfTheHeadThatIsNotAcceptedDoesNotChangeTheCounts) {
     }
 }
 
+// The ring breaks, and the NIC at its beginning does not accept the same frame. The reply from behind the break is not
+// the reply of all slaves.
+TEST(RingLostFrames, ACopyThatIsNotAcceptedAtTheMomentOfABreakLosesNoSlave) {
+    RingBus bus;
+    bus.build_line(8);
+    bus.start();
+    bus.run();
+    Sound sound(bus);
+    for (unsigned n = 0; n < 300; ++n) {
+        bus.cable(bus.ring_cables[4], false);
+        bus.nics[0]->refused = 2;  // after the first refusal, the other NIC sends first
+        sound.cycles(20 + n % 7);
+        bus.cable(bus.ring_cables[4], true);
+        sound.cycles(30);
+    }
+    sound.expect_no_harm();
+}
+
 TEST(RingLostFrames, NoSoundSlaveMissesItsOutputs) {
     for (std::uint64_t seed = 1; seed <= 4; ++seed)
         for (const std::size_t broken : {1U, 7U, 13U}) {

@@ -48,10 +48,16 @@ class HookedNic final : public ForwardingNic {
     Duration sees_after{};    // notices a lost link so much later, and accepts all frames until then
     unsigned link_reads = 0;  // calls of link_state()
     bool deaf = false;        // sends, and its replies never arrive: one direction of its cable is broken
+    unsigned refused = 0;     // so many of the next frames are not accepted
+    SendStatus refusal = SendStatus::busy;
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (before_send) before_send();
         if (sees_frame) sees_frame(frame);
+        if (refused != 0) {
+            --refused;
+            return refusal;
+        }
         const bool sees = sees_link();
         const SendStatus status = nic_.send(frame);
         return status == SendStatus::failed && (!tells_link || !sees) ? SendStatus::sent : status;
