@@ -393,8 +393,9 @@ void Redundancy::note_ring(const FramePair& pair, unsigned processed) noexcept {
         set_ring(RingState::broken);
         if (processed == (bit(0) | bit(1))) note_two_ends(pair);
     }
+    // If only an idle copy has come back, the other copy was not accepted, and says nothing about its slaves.
     for (unsigned nic = 0; nic < 2; ++nic) {
-        const bool gone = (pair.sent.load(kRelaxed) & bit(nic)) == 0 || is_silent(nic);
+        const bool gone = processed != 0 && ((pair.sent.load(kRelaxed) & bit(nic)) == 0 || is_silent(nic));
         const bool idle = ring_ == RingState::whole && idle_[nic] && (pair.came & bit(nic)) == 0;
         if ((pair.counted & bit(nic)) == 0 && !gone && !idle) continue;
         store_count(nic, (pair.counted & bit(nic)) != 0 ? pair.count[nic] : std::uint16_t{0});
