@@ -101,8 +101,8 @@ inline void copy(std::byte* to, Bytes from) {
 }
 
 // Commits the reply to one datagram, whose data is at `data`: the working counter, and the inputs when every slave took
-// part. Every reply reaches the image here: at once, or at the end of an overlapped cycle. False: some slave did not
-// take part; commit_short() handles a frame in which this is accepted.
+// part. For a reply of the cycle, and for a reply of an overlapped cycle at its end. False: some slave did not take
+// part, so commit_short() decides whether the inputs reach the image.
 [[gnu::always_inline]] inline bool Link::commit(const PreparedDatagram& d, const std::byte* data) {
     DatagramStatus& status = *d.status;
     status.got = load_le<std::uint16_t>(Bytes(data + d.bytes, 2));
