@@ -123,6 +123,7 @@ class PacketNic final : public Nic, public SendClock, public ReceiveClock, publi
     std::uint64_t overruns_ = 0;
     Stamps stamps_ = Stamps::off;
     bool stamps_sent_ = false;
+    std::atomic<std::uint32_t> frames_{0};  // given to send() while stamps_sent_ is true
     bool stamps_received_ = false;
     SendTimes send_times_;
     ArrivalTimes receive_times_;

@@ -151,7 +151,8 @@ bool PacketNic::read_report(int socket) noexcept {
         if (!time_ns) time_ns = time_in(*c, stamps_);
     }
     if (time_ns && !was_dropped)
-        send_times_.add(std::span<const std::byte>(head).first(static_cast<std::size_t>(length)), *time_ns);
+        send_times_.add(std::span<const std::byte>(head).first(static_cast<std::size_t>(length)), *time_ns,
+                        frames_.load(std::memory_order_relaxed));
     return true;
 }
 
@@ -170,7 +171,7 @@ void PacketNic::read_stamps() noexcept {
 std::optional<std::uint64_t> PacketNic::send_time_ns(std::span<const std::byte> head) noexcept {
     if (!stamps_sent_) return std::nullopt;
     read_stamps();
-    return send_times_.find(head);
+    return send_times_.find(head, frames_.load(std::memory_order_relaxed));  // a report may be lost
 }
 
 std::optional<std::uint64_t> PacketNic::receive_time_ns(std::span<const std::byte> head) noexcept {

@@ -57,6 +57,12 @@ TEST(SendTimesTest, ALostTimeIsNotThatOfAnOlderFrame) {
     EXPECT_FALSE(times.find(head)) << "the time of the frame 256 frames ago";
     times.add(frame, 5000);
     EXPECT_EQ(times.find(head), 5000U);
+    // Or the NIC counts its frames, also over the wrap of the counter.
+    SendTimes counted;
+    counted.add(frame, 7000, 0xFFFF'FFF0);
+    EXPECT_EQ(counted.find(head, 0xFFFF'FFF1), 7000U);
+    EXPECT_EQ(counted.find(head, 100), 7000U);
+    EXPECT_FALSE(counted.find(head, 0xF0)) << "256 frames later";
 }
 
 // A NIC whose clock is 60 ppm faster than the clock of the host, and two slaves that drift. The host does not know the

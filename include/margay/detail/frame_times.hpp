@@ -22,29 +22,35 @@ class FrameTimes {
     static constexpr std::size_t kMost = 16;
 
     // `head`: at least kFrameHeadBytes octets; a shorter frame is not kept. `time_ns`: nothing if the NIC has no time
-    // for this frame, or not yet: then another call with the time completes the entry.
-    void add(std::span<const std::byte> head, std::optional<std::uint64_t> time_ns) noexcept {
+    // for this frame, or not yet: then another call with the time completes the entry. `count`: how many frames the NIC
+    // has sent or refused until now, if it does not note each of them.
+    void add(std::span<const std::byte> head, std::optional<std::uint64_t> time_ns, std::uint32_t count = 0) noexcept {
         if (head.size() < kFrameHeadBytes) return;
         Entry* const known = time_ns ? newest(head) : nullptr;
         if (known != nullptr && !known->time_ns) {
             known->time_ns = time_ns;
+            known->count = count;
             return;
         }
         Entry& entry = entries_[newest_ = (newest_ + 1) % kMost];
         std::copy_n(head.begin(), entry.head.size(), entry.head.begin());
         entry.time_ns = time_ns;
+        entry.count = count;
         entry.used = true;
     }
-    // The time of the newest frame with this head.
-    [[nodiscard]] std::optional<std::uint64_t> find(std::span<const std::byte> head) noexcept {
+    // The time of the newest frame with this head. The index of a frame returns after 256 frames: then the time of an
+    // older frame is left out, by `count`.
+    [[nodiscard]] std::optional<std::uint64_t> find(std::span<const std::byte> head, std::uint32_t count = 0) noexcept {
+        constexpr std::uint32_t kOldest = 200;
         const Entry* const entry = head.size() < kFrameHeadBytes ? nullptr : newest(head);
-        return entry == nullptr ? std::nullopt : entry->time_ns;
+        return entry == nullptr || count - entry->count > kOldest ? std::nullopt : entry->time_ns;
     }
 
   private:
     struct Entry {
         std::array<std::byte, kFrameHeadBytes> head{};
         std::optional<std::uint64_t> time_ns;
+        std::uint32_t count = 0;
         bool used = false;
     };
     // nullptr: there is none.
