@@ -7,8 +7,6 @@
 #include <margay/latches.hpp>
 #include <margay/margay.hpp>
 
-#include <utility>
-
 namespace margay {
 namespace {
 
@@ -59,27 +57,29 @@ Task<Result<bool>> has_system_time(Network& network, const Slave& slave) {
 
 constexpr Duration kLongestOf32Bits = std::chrono::seconds(4);  // see extend_past_time_ns()
 
-// One reading of the status. A slave that was reset has lost the latch control. `looked`: when the slave has answered
-// last; Time::min(): not yet, so a slave that has the latch control may have kept an edge from before the request.
+// One reading of the status. A slave that was reset has lost the latch control. `looked`: when all times were
+// read last; Time::min(): not yet, so a slave that has the latch control may have kept an edge from before the request.
 Task<Result<>> look_once(Network& network, LatchRequest& request, Time& looked) {
     if (check_same_slave(network, request.slave, kStep).code != Errc::none) co_return Nothing{};
     const Station station = network.station(network.slave(request.slave));
     refresh_system_time(network);  // a clock of 32 bits wraps
     const Time asked = network.engine.now();
     const auto seen = co_await required(read<std::uint64_t>(station, kControlAndStatus, kStep));
-    const Time before = std::exchange(looked, asked);
     if (static_cast<std::uint16_t>(seen) != kBothEdges) {
         const bool set = co_await required(has_system_time(network, network.slave(request.slave)));
         if (!set) co_return Nothing{};
-        co_return co_await required(write(station, kControl, kBothEdges, kStep));
+        co_await required(write(station, kControl, kBothEdges, kStep));
+        looked = asked;
+        co_return Nothing{};
     }
     const unsigned edges = edges_of(seen);
     for (unsigned which = 0; which < request.edges.size(); ++which) {
         if ((edges >> which & 1U) == 0) continue;
         const bool wide = network.slave(request.slave).dl.dc_64bit;
-        const bool known = before != Time::min() && (wide || network.engine.now() - before < kLongestOf32Bits);
+        const bool known = looked != Time::min() && (wide || network.engine.now() - looked < kLongestOf32Bits);
         co_await required(read_edge(network, request, which, known));
     }
+    looked = asked;
     co_return Nothing{};
 }
 

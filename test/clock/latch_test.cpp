@@ -1,5 +1,7 @@
 // The latch inputs of a slave: times and counts of edges.
 #include "clock/clock_bus.hpp"
+#include "oshw/filter_nic.hpp"
+#include "wire/datagram.hpp"
 
 #include <margay/latches.hpp>
 
@@ -90,6 +92,56 @@ TEST_F(Latches, AnEdgeBeforeTheRequestIsNotCounted) {
     cycles(5);
     EXPECT_EQ(request.edges[0].count, 1U);
     EXPECT_LE(std::abs(static_cast<std::int64_t>(request.edges[0].time_ns - time)), 200);
+}
+
+// Does not send frames that read the time of an edge.
+struct DropsEdgeTimes final : FilterNic {
+    bool on = false;
+    unsigned dropped = 0;
+
+    using FilterNic::FilterNic;
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        wire::DatagramReader reader(frame);
+        while (const auto d = reader.next())
+            if (on && d->header.command == wire::Command::FPRD &&
+                d->header.address.ado() == wire::reg::kLatch0PositiveEdge.address) {
+                ++dropped;
+                return SendStatus::sent;
+            }
+        return inner().send(frame);
+    }
+};
+
+// The time of an old edge cannot be read at first.
+TEST_F(Latches, AnOldEdgeIsNotCountedAfterALostReading) {
+    add({});
+    add({.drift_ppb = 30'000, .start_ns = 0x1'2345'6789, .unit = DcUnit::bits32});
+    segment.power_up(osal.now());
+    nic = std::make_unique<SimulatedNic>(segment, osal);
+    DropsEdgeTimes drops(*nic);
+    ctx = std::make_unique<HostContext>(limits);
+    ASSERT_TRUE(init(*ctx, drops, osal).ok());
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    run();
+    request.slave = 2;
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    cycles(20);
+    request.cancel();
+    cycles(5);
+    (void)edge(0, true);
+    cycles(6000);
+    drops.on = true;
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    cycles(200);
+    EXPECT_GE(drops.dropped, 1U);
+    drops.on = false;
+    cycles(200);
+    EXPECT_EQ(request.edges[0].count, 0U);
+    request.cancel();
+    supervision.cancel();
+    cycles(2);
+    ctx.reset();
 }
 
 // The time of a clock of 32 bits wraps after 4.29 s.
