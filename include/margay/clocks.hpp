@@ -107,7 +107,8 @@ struct ClockSettings {
     Duration watch_interval = std::chrono::milliseconds(10);
     // How often a supervision measures the delays again and corrects them ("continuous propagation delay
     // compensation"). Zero: never. In a ring with two NICs the measurement opens the ring, and the cycles bring no time
-    // meanwhile (some 20 to 100 cycles): there at least eight times as long passes until the next measurement.
+    // meanwhile (some 20 to 100 cycles): there at least eight times as long passes until the next measurement. A break
+    // in this time cuts off the slaves behind the break for about a second (redundancy.hpp).
     Duration delay_interval{0};
     // When the slave with the reference clock is lost while a supervision runs: the next clock that is synchronised and
     // not behind the lost slave takes over with the same time and rate (true), or no time is sent until the slave is
