@@ -82,8 +82,9 @@
 // find it out by the ports of the slaves (DL status).
 //
 // Datagrams with addresses by position (auto increment) reach the slave of that position in either part; if the ring
-// has changed meanwhile, they are sent again. If a break has moved to another cable since the last frame that counts
-// slaves, a write may reach a wrong slave: then its reply has working counter 0, which is an error.
+// has changed meanwhile, they are sent again. If a break has moved to another cable, or a slave was inserted, since the
+// last frame that counts slaves, a write may reach a wrong slave: then its reply has working counter 0, which is an
+// error. A slave that gets the temporary address of a search in this way is started again.
 //
 // When another segment is behind the second NIC (CablingFault::second_segment, EventKind::second_segment), its slaves
 // get no commands. If the second NIC is plugged into another segment while the master runs, the library knows this

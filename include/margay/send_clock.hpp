@@ -3,9 +3,9 @@
 // uses it, so a NIC without time stamps, and a program without LinkLayerClock, have no cost.
 //
 // To port: keep the time and the first kHeadBytes octets of the last frames that were sent, at least 16 of them; a
-// SendTimes does that. The head is the same again after 256 frames, beside overlapping cycles after 128 frames. So if a
-// time comes later or may be lost, note each frame without a time when it is sent, and also a frame that could not be
-// sent; or give SendTimes the number of frames. Otherwise the time of an older frame is returned.
+// SendTimes does that. The head is the same again after 256 frames, or after 64 where cycles overlap and frames are
+// lost. So if a time comes later or may be lost, note each frame without a time when it is sent, and also a frame that
+// could not be sent; or give SendTimes the number of frames. Otherwise the time of an older frame is returned.
 #pragma once
 
 #include <margay/detail/frame_times.hpp>

@@ -61,9 +61,9 @@ TEST(SendTimesTest, ALostTimeIsNotThatOfAnOlderFrame) {
     SendTimes counted;
     counted.add(frame, 7000, 0xFFFF'FFF0);
     EXPECT_EQ(counted.find(head, 0xFFFF'FFF1), 7000U);
-    EXPECT_EQ(counted.find(head, 100), 7000U);
+    EXPECT_EQ(counted.find(head, 40), 7000U);
     EXPECT_FALSE(counted.find(head, 0xF0)) << "256 frames later";
-    EXPECT_FALSE(counted.find(head, 0x70)) << "128 frames later: beside overlapping cycles";
+    EXPECT_FALSE(counted.find(head, 0x30)) << "64 frames later: beside overlapping cycles";
 }
 
 // A NIC whose clock is 60 ppm faster than the clock of the host, and two slaves that drift. The host does not know the

@@ -38,10 +38,10 @@ class FrameTimes {
         entry.count = count;
         entry.used = true;
     }
-    // The time of the newest frame with this head. The index of a frame returns after 256 frames, or after 128 frames
-    // beside overlapping cycles: then the time of an older frame is left out, by `count`.
+    // The time of the newest frame with this head. The index of a frame returns after 64 to 256 frames: then the time
+    // of an older frame is left out, by `count`.
     [[nodiscard]] std::optional<std::uint64_t> find(std::span<const std::byte> head, std::uint32_t count = 0) noexcept {
-        constexpr std::uint32_t kOldest = 120;
+        constexpr std::uint32_t kOldest = 60;
         const Entry* const entry = head.size() < kFrameHeadBytes ? nullptr : newest(head);
         return entry == nullptr || count - entry->count > kOldest ? std::nullopt : entry->time_ns;
     }
