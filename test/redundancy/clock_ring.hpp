@@ -63,7 +63,7 @@ struct ClockRingBus : RingBus {
             least = std::min(least, ahead);
             most = std::max(most, ahead);
         }
-        return most - least;
+        return most < least ? 0 : most - least;
     }
     std::int64_t cycles(unsigned count) {
         std::int64_t most = 0;
