@@ -23,6 +23,15 @@ struct Sync : testing::Test, ClockBus {
         segment.advance(osal.now());
         return segment.slave(slave - 1U).sync().pulses(signal);
     }
+    // SYNC0 each millisecond for slave 2.
+    void request_while_the_cycle_runs(SyncRequest& request) {
+        ASSERT_TRUE(config_map(*ctx, image).ok());
+        request.slave = 2;
+        request.sync = {.source = SyncSettings::Source::application, .sync0_cycle = 1ms};
+        ASSERT_TRUE(submit(*ctx, request).ok());
+        cycles(100);
+        ASSERT_FALSE(request.busy());
+    }
     // The time of the next SYNC0 of a slave within its cycle, in system time.
     std::uint64_t phase_ns(std::uint16_t slave, std::uint64_t cycle = 1'000'000) {
         return register_of<std::uint64_t>(slave, wire::reg::kSyncStartTime) % cycle;
@@ -372,13 +381,8 @@ TEST_F(Sync, AStartThatPassesBeforeTheSlaveActivatesItIsTriedAgain) {
     ClockSettings settings = kFewFrames;
     settings.start_delay = Duration{0};
     ASSERT_TRUE(configdc(*ctx, settings).ok());
-    ASSERT_TRUE(config_map(*ctx, image).ok());
     SyncRequest request;
-    request.slave = 2;
-    request.sync = {.source = SyncSettings::Source::application, .sync0_cycle = 1ms};
-    ASSERT_TRUE(submit(*ctx, request).ok());
-    cycles(100);
-    ASSERT_FALSE(request.busy());
+    request_while_the_cycle_runs(request);
     ASSERT_EQ(request.error().code, Errc::none) << words(request.error());
     EXPECT_TRUE(clock(2).sync_active);
     const std::uint64_t before = pulses(2);
@@ -397,13 +401,8 @@ TEST_F(Sync, AStartThatAlwaysPassesIsAnError) {
         return self.segment.slave(1).clock().copy(self.osal.now()) + 50'000;
     };
     ASSERT_TRUE(configdc(*ctx, settings).ok());
-    ASSERT_TRUE(config_map(*ctx, image).ok());
     SyncRequest request;
-    request.slave = 2;
-    request.sync = {.source = SyncSettings::Source::application, .sync0_cycle = 1ms};
-    ASSERT_TRUE(submit(*ctx, request).ok());
-    cycles(100);
-    ASSERT_FALSE(request.busy());
+    request_while_the_cycle_runs(request);
     EXPECT_EQ(words(request.error()),
               "slave 2: activating SYNC: argument out of range: each time the start of SYNC0 has passed before the "
               "slave activated it");
